@@ -4,9 +4,9 @@
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_event_angles, only: angles_about
-    use linkdyn_held_variables, only: n_held, rates_held, slips, led_by, still_coordinates
+    use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
-    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_planar_motion, only: level_velocity
     implicit none (type, external)
 
 contains
@@ -14,20 +14,14 @@ contains
     !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
     !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     module procedure accelerate
-        real(wp) :: change(lanes)
-        integer :: k
-
         associate (state => self%workspace%state, n => n_stop(self%model%scene))
+            if (.not. self%held%is_measured) call measure_held(self%model, state, self%held)
             state%stop_force = push(:, :n)
             state%clutch_force = self%clutch%rub + push(:, n + 1:)
             call solve_again(self%model, self%equations, self%workspace)
             state%stop_force = 0
             state%clutch_force = self%clutch%rub
-            away = rates_held(self%model, state, level_given)
-            do k = 1, state%n_column
-                change = self%workspace%acceleration(:, k) - state%qdd(:, k)
-                if (any(change /= 0)) away = away + spread(change, 2, size(away, 2))*rates_held(self%model, state, k)
-            end do
+            away = accelerations_with(self%held, self%workspace%acceleration - state%qdd)
         end associate
     end procedure accelerate
 

@@ -31,6 +31,7 @@ module linkdyn_forward_system
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
+    use linkdyn_held_variables, only: held_accelerations
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -81,6 +82,7 @@ module linkdyn_forward_system
         type(event_angles), private :: angles
         type(stop_states) :: stops
         type(clutch_states) :: clutch
+        type(held_accelerations) :: held               !! of what both hold, at the state in the workspace
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
         type(forward_record) :: record
@@ -487,6 +489,7 @@ contains
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, self%assembly, workspace%state)
+            self%held%is_measured = .false.
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
             if (any(model%scene%actuator%drive%kind == drive_over) .or. self%control%has_continuous) &

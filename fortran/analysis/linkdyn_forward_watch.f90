@@ -62,6 +62,7 @@ contains
         if (.not. self%is_behind) return
         call unpack_state(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%workspace%state)
         call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
+        self%held%is_measured = .false.
         self%is_behind = .false.
     end subroutine catch_up
 end submodule linkdyn_forward_watch

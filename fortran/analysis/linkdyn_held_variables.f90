@@ -7,12 +7,19 @@ module linkdyn_held_variables
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: clutch_spec, n_stop, n_clutch
     implicit none (type, external)
     private
-    public :: n_held, rates_held, away_from_stops, slips, speed_of_sides, led_by, push_coordinates, still_coordinates, &
-        still_rates
+    public :: held_accelerations, n_held, rates_held, measure_held, accelerations_with, away_from_stops, slips, &
+        speed_of_sides, led_by, push_coordinates, still_coordinates, still_rates
+
+    !> Accelerations away from stops and of slips, as they follow from those of the coordinates at one state.
+    type :: held_accelerations
+        logical :: is_measured = .false.               !! else it is of a state before
+        real(wp), allocatable :: given(:, :)           !! with the accelerations that the state has (lane, n_held)
+        real(wp), allocatable :: column(:, :, :)       !! what a unit of each coordinate's adds (lane, n_held, n_column)
+    end type held_accelerations
 
 contains
 
@@ -33,6 +40,35 @@ contains
         rate(:, :n_stop(model%scene)) = away_from_stops(model, state, level)
         rate(:, n_stop(model%scene) + 1:) = slips(model, state, level)
     end function rates_held
+
+    subroutine measure_held(model, state, held)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state     !! with its columns
+        type(held_accelerations), intent(inout) :: held
+        integer :: k
+
+        held%given = rates_held(model, state, level_given)
+        if (.not. allocated(held%column)) allocate (held%column(lanes, n_held(model), state%n_column))
+        do k = 1, state%n_column
+            held%column(:, :, k) = rates_held(model, state, k)
+        end do
+        held%is_measured = .true.
+    end subroutine measure_held
+
+    !> Where coordinates accelerate otherwise than the state measured says.
+    pure function accelerations_with(held, change) result(away)
+        type(held_accelerations), intent(in) :: held
+        real(wp), intent(in) :: change(:, :)           !! (lane, n_q)
+        real(wp) :: away(lanes, size(held%given, 2))
+        integer :: i, k
+
+        away = held%given
+        do k = 1, size(held%column, 3)
+            do i = 1, size(away, 2)
+                away(:, i) = away(:, i) + change(:, k)*held%column(:, i, k)
+            end do
+        end do
+    end function accelerations_with
 
     !> Velocities or accelerations of joint variables away from their stops.
     function away_from_stops(model, state, level) result(rate)
