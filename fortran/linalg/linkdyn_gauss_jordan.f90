@@ -15,7 +15,8 @@ contains
     !> Solve A x = b on every lane; A and b are destroyed, x is left in b.
     !>
     !> **Cost**: at most n^3 + O(n^2) multiply-subtracts a lane. What is zero on every lane, in the pivot's column or its row, has
-    !> nothing to clear: of the 42 unknowns of a platform's six legs closed together a tenth is left.
+    !> nothing to clear: of the 42 unknowns of a platform's six legs closed together a tenth is left. Lanes that all have the same,
+    !> as those of a run on its own, are solved once.
     !> **Errors**: a lane whose pivot column is all zero is flagged, its x is NaN; the others are untouched. Without pivoting it is
     !> flagged when a pivot is zero.
     subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular, determinant, pivoting)
@@ -27,107 +28,50 @@ contains
         logical, intent(out) :: is_singular(lanes)            !! no pivot was left
         real(wp), intent(out), optional :: determinant(lanes) !! with its sign; 0 where singular
         logical, intent(in), optional :: pivoting             !! absent: true
-        real(wp) :: largest(lanes), reached(lanes), size_here(lanes), factor(lanes), pivot(lanes)
-        integer :: row(lanes), cleared(n), k, i, j, last, n_cleared
+        real(wp) :: own(1, n, n), solution(1, n, n_rhs), det(lanes)
+        logical :: pivots
+        integer :: j
 
-        largest = 0
-        do j = 1, n
-            do i = 1, n
-                largest = max(largest, abs(a(:, i, j)))
-            end do
-        end do
-        reached = largest
-        is_singular = .false.
-        if (present(determinant)) determinant = 1
-
-        do k = 1, n
-            row = k
-            size_here = abs(a(:, k, k))
-            last = n
-            if (present(pivoting)) last = merge(n, k, pivoting)
-            do i = k + 1, last
-                where (abs(a(:, i, k)) > size_here)
-                    size_here = abs(a(:, i, k))
-                    row = i
-                end where
-            end do
-            reached = max(reached, size_here)
-            ! A NaN pivot is refused as well: the comparison is false for it.
-            is_singular = is_singular .or. .not. size_here > 0
-            do j = k, n
-                call exchange(n, k, row, a(:, :, j))
-            end do
+        pivots = .true.
+        if (present(pivoting)) pivots = pivoting
+        if (is_same_on_all(a) .and. is_same_on_all(b)) then
+            own = a(:1, :, :)
+            solution = b(:1, :, :)
+            call eliminate_once(n, n_rhs, pivots, own, solution, growth(:1), is_singular(:1), det(:1))
             do j = 1, n_rhs
-                call exchange(n, k, row, b(:, :, j))
+                b(:, :, j) = spread(solution(1, :, j), 1, lanes)
             end do
-            if (present(determinant)) determinant = determinant*merge(a(:, k, k), -a(:, k, k), row == k)
-            pivot = merge(1.0_wp, a(:, k, k), is_singular)
-            factor = 1/pivot
-            do j = k + 1, n
-                reached = max(reached, abs(a(:, k, j)))
-                a(:, k, j) = factor*a(:, k, j)
-            end do
-            do j = 1, n_rhs
-                b(:, k, j) = factor*b(:, k, j)
-            end do
-            ! Jordan: clear the column above the diagonal as well as below it.
-            n_cleared = 0
-            do i = 1, n
-                if (i == k .or. count(a(:, i, k) /= 0) == 0) cycle
-                n_cleared = n_cleared + 1
-                cleared(n_cleared) = i
-            end do
-            do j = k + 1, n
-                if (count(a(:, k, j) /= 0) > 0) call clear(n, k, cleared(:n_cleared), a(:, :, k), a(:, :, j))
-            end do
-            do j = 1, n_rhs
-                call clear(n, k, cleared(:n_cleared), a(:, :, k), b(:, :, j))
-            end do
-        end do
-
-        if (present(determinant)) where (is_singular) determinant = 0
-        growth = merge(0.0_wp, largest/max(reached, tiny(1.0_wp)), is_singular)
-        do j = 1, n_rhs
-            do i = 1, n
-                where (is_singular) b(:, i, j) = not_a_number()
-            end do
-        end do
+            growth(2:) = growth(1)
+            is_singular(2:) = is_singular(1)
+            det(2:) = det(1)
+        else
+            call eliminate_on_lanes(n, n_rhs, pivots, a, b, growth, is_singular, det)
+        end if
+        if (present(determinant)) determinant = det
     end subroutine solve_gauss_jordan
 
-    !> Subtract the multiples of row k that clear the pivot column in these rows.
-    pure subroutine clear(n, k, rows, pivot_column, column)
-        integer, intent(in) :: n, k
-        integer, intent(in) :: rows(:)
-        real(wp), intent(in) :: pivot_column(lanes, n)
-        real(wp), intent(inout) :: column(lanes, n)
-        real(wp) :: head(lanes)
-        integer :: i
+    pure logical function is_same_on_all(x)
+        real(wp), intent(in) :: x(:, :, :)                    !! (lane, any, any)
+        integer :: i, j
 
-        head = column(:, k)
-        do i = 1, size(rows)
-            column(:, rows(i)) = column(:, rows(i)) - pivot_column(:, rows(i))*head
-        end do
-    end subroutine clear
-
-    !> Exchange row k with each lane's own row; mostly that is the same one.
-    pure subroutine exchange(n, k, row, column)
-        integer, intent(in) :: n, k
-        integer, intent(in) :: row(lanes)
-        real(wp), intent(inout) :: column(lanes, n)
-        real(wp) :: kept(lanes)
-        integer :: lane
-
-        kept = column(:, k)
-        if (all(row == row(1))) then
-            column(:, k) = column(:, row(1))
-            column(:, row(1)) = kept
-        else
-            do lane = 1, lanes
-                column(lane, k) = column(lane, row(lane))
-                column(lane, row(lane)) = kept(lane)
+        is_same_on_all = .false.
+        do j = 1, size(x, 3)
+            do i = 1, size(x, 2)
+                if (.not. all(x(2:, i, j) == x(1, i, j))) return
             end do
-        end if
-    end subroutine exchange
+        end do
+        is_same_on_all = .true.
+    end function is_same_on_all
+
+    subroutine eliminate_on_lanes(n, n_rhs, pivots, a, b, growth, is_singular, determinant)
+        integer, parameter :: m = lanes
+        include "gauss_jordan_on_lanes.inc"
+    end subroutine eliminate_on_lanes
+
+    subroutine eliminate_once(n, n_rhs, pivots, a, b, growth, is_singular, determinant)
+        integer, parameter :: m = 1
+        include "gauss_jordan_on_lanes.inc"
+    end subroutine eliminate_once
 
     pure real(wp) function not_a_number()
         use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
