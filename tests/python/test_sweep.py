@@ -548,14 +548,14 @@ def test_designs_change_numbers_in_the_order_of_the_axes(tsai):
 
 
 def test_many_designs_by_values(tmp_path):
-    """Lists of values as long as there are designs: hours, where each design reads the lists once more."""
+    """Lists of values as long as there are designs: minutes, and hours of more of them, where each design reads the lists once more."""
     scene = linkdyn.load(Path(__file__).parents[2] / "examples" / "sixbar_slider" / "scene.toml")
-    n = 20_000
+    n = 8_000
     axes = [{"parameter": path, "group": "mc", "values": np.random.default_rng(k).normal(mean, 1e-3, n)}
             for k, (path, mean) in enumerate((("link.coupler.markers.J1[0]", 0.8), ("link.rod.markers.J4[0]", 0.8), ("link.crank.mass", 4.72)))]
     file = tmp_path / "scene.toml"
     file.write_text(scene.with_({"sweep": {"reduce": ["driving_force"], "axis": [*axes, {"time": True, "linspace": [0.0, 1.0, 2]}]}}).text)
-    subprocess.run([executable(), "sweep", file, "-q", "--yes", "-o", tmp_path / "run.nc"], check=True, timeout=300)
+    subprocess.run([executable(), "sweep", file, "-q", "--yes", "-o", tmp_path / "run.nc"], check=True, timeout=150)
     with xr.open_dataset(tmp_path / "run.nc") as run:
         assert run.sizes["design"] == n and np.isfinite(run.driving_force_max).all()
 
@@ -576,7 +576,7 @@ def test_threads_read_designs_at_once() -> None:
         "coordinate": [{"joint": "A"}], "actuator": [{"joint": "A"}],
     })
     sweep = {"reduce": ["driving_force"], "chunk": 1, "axis": [
-        {"parameter": "link.crank.mass", "linspace": [1.0, 2.0, 4000], "as": "factor"}, {"coordinate": "A", "values": [0.7, 1.0]}]}
+        {"parameter": "link.crank.mass", "linspace": [1.0, 2.0, 2000], "as": "factor"}, {"coordinate": "A", "values": [0.7, 1.0]}]}
     alone = scene.sweep(sweep, threads=1)
     together = scene.sweep(sweep, threads=2)
     np.testing.assert_array_equal(together.driving_force_max, alone.driving_force_max)
