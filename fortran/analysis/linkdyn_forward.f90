@@ -746,8 +746,7 @@ contains
                 reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
             case (stop_law)
                 reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
-                if (any([method_rk4, method_msbdf] == run%integrator%options%method)) reason = reason// &
-                    ", or "//trim(method_name(run%integrator%options%method))//" takes too long steps"
+                reason = reason//too_long_in_words(run)
             case (stop_pace)
                 reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
                 if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
@@ -755,6 +754,7 @@ contains
             case default
                 if (run%system%workspace%status(1) /= sample_ok) then
                     reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
+                    if (run%system%workspace%status(1) == sample_not_converged) reason = reason//too_long_in_words(run)
                 else
                     reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
                 end if
@@ -762,6 +762,17 @@ contains
             reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> What may be at fault of a method that does not shorten its steps for it; blank of others.
+    function too_long_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+
+        text = ""
+        associate (method => run%integrator%options%method)
+            if (any([method_rk4, method_msbdf] == method)) text = ", or "//trim(method_name(method))//" takes too long steps"
+        end associate
+    end function too_long_in_words
 
     !> What is too stiff for the steps of a run that cannot go on; blank if nothing is.
     function stiffness_in_words(run) result(text)
