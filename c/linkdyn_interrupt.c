@@ -18,6 +18,7 @@ static volatile sig_atomic_t child = 0;
 static volatile sig_atomic_t noted = 0;
 static struct sigaction host;
 static volatile sig_atomic_t is_listening = 0;
+static _Thread_local int has_started = 0;    /* this thread, which spares the end of a call asking the system which one it is */
 
 /* nohup, and a shell that starts us in the background, ignore signals for us: they stay ignored. */
 static void set_handler(int signal_number, void (*handler)(int))
@@ -127,6 +128,7 @@ void linkdyn_start_listening(void)
     if (!is_main_thread()) {
         return;
     }
+    has_started = 1;
     noted = 0;
     if (sigaction(SIGINT, NULL, &host) != 0 || host.sa_handler == SIG_DFL || host.sa_handler == SIG_IGN) {
         return;    /* ends the process, or does nothing */
@@ -139,9 +141,10 @@ void linkdyn_start_listening(void)
 
 void linkdyn_stop_listening(void)
 {
-    if (!is_main_thread()) {
+    if (!has_started) {
         return;
     }
+    has_started = 0;
     if (is_listening) {
         sigaction(SIGINT, &host, NULL);
     }

@@ -227,6 +227,8 @@ static void settle_code(struct packed *p, int one)
 
 /* ---------------------------------------------------------------- running */
 
+enum { LINE = 8 };            /* numbers of a line of the cache */
+
 /* Room for a kernel's slots, constants in place; `one` for one sample alone. NULL: no memory. */
 double *linkdyn_make_slots(struct packed *p, int one)
 {
@@ -251,6 +253,16 @@ void linkdyn_run_one(const struct packed *p, int group, double *slot) { run(p, 1
 void linkdyn_gather(const double *source, long ld, int count, int n, double *slot, int first)
 {
     if (n > 0) machine()->gather(source, ld, count, n, slot + (long)first*machine()->lanes);
+}
+
+/* Have the processor fetch the rows that results will be written to, while these are being computed. */
+void linkdyn_expect(const double *target, long ld, int n, int count)
+{
+    const long last = n - 1;
+    for (int i = 0; i < count; i++) {
+        for (long k = 0; k < last; k += LINE) __builtin_prefetch(target + i*ld + k, 1);
+        __builtin_prefetch(target + i*ld + last, 1);
+    }
 }
 
 /* Slots, with their signs, to samples; returns the lanes, one a bit, in which a number is not finite. */

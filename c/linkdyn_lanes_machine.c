@@ -206,14 +206,28 @@ static void call_one_place(const double *a, const double *b, double *out, const 
 
 /* ---------------------------------------------------------------- samples into lanes and back */
 
+#define UNROLL _Pragma("GCC unroll 8")      /* or the tile would live in memory */
+
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
 
-#define TILE 8
-#define UNROLL _Pragma("GCC unroll 8")      /* or the tile would live in memory */
+enum { TILE = 8 };
+typedef __m512d row;
+typedef __mmask8 part;                      /* the first numbers of a row */
+
+static inline part part_of(int n) { return (part)((1u << n) - 1); }
+static inline row load_part(const double *x, part p) { return _mm512_maskz_loadu_pd(p, x); }
+static inline void store_part(double *x, part p, row r) { _mm512_mask_storeu_pd(x, p, r); }
+static inline row load_row(const double *x) { return _mm512_load_pd(x); }
+static inline void store_row(double *x, row r) { _mm512_store_pd(x, r); }
+static inline row repeat(double x) { return _mm512_set1_pd(x); }
+static inline row turn_sign(row r, row flip) { return _mm512_xor_pd(r, flip); }
+static inline row add_zero_times(row r, row sum) { return _mm512_fmadd_pd(r, _mm512_setzero_pd(), sum); }
+static inline uint64_t not_a_number(row r) { return _mm512_cmp_pd_mask(r, r, _CMP_UNORD_Q); }
+
 /* transpose 8 vectors of 8 */
-static inline void turn_tile(__m512d r[8])
+static inline void turn_tile(row r[TILE])
 {
-    __m512d t[8], u[8];
+    row t[8], u[8];
     UNROLL for (int k = 0; k < 4; k++) {
         t[2*k] = _mm512_unpacklo_pd(r[2*k], r[2*k + 1]);
         t[2*k + 1] = _mm512_unpackhi_pd(r[2*k], r[2*k + 1]);
@@ -230,38 +244,113 @@ static inline void turn_tile(__m512d r[8])
     }
 }
 
+#elif defined(__AVX2__) && defined(__FMA__)
+
+enum { TILE = 4 };
+typedef __m256d row;
+typedef int part;                           /* how many of a row's numbers, from the first */
+
+/* Masked loads and stores take some ten times as long here. */
+static inline part part_of(int n) { return n; }
+static inline row load_part(const double *x, part n)
+{
+    switch (n) {
+    case 1: return _mm256_set_m128d(_mm_setzero_pd(), _mm_load_sd(x));
+    case 2: return _mm256_set_m128d(_mm_setzero_pd(), _mm_loadu_pd(x));
+    case 3: return _mm256_set_m128d(_mm_load_sd(x + 2), _mm_loadu_pd(x));
+    default: return _mm256_loadu_pd(x);
+    }
+}
+static inline void store_part(double *x, part n, row r)
+{
+    switch (n) {
+    case 1: _mm_store_sd(x, _mm256_castpd256_pd128(r)); break;
+    case 2: _mm_storeu_pd(x, _mm256_castpd256_pd128(r)); break;
+    case 3:
+        _mm_storeu_pd(x, _mm256_castpd256_pd128(r));
+        _mm_store_sd(x + 2, _mm256_extractf128_pd(r, 1));
+        break;
+    default: _mm256_storeu_pd(x, r);
+    }
+}
+static inline row load_row(const double *x) { return _mm256_load_pd(x); }
+static inline void store_row(double *x, row r) { _mm256_store_pd(x, r); }
+static inline row repeat(double x) { return _mm256_set1_pd(x); }
+static inline row turn_sign(row r, row flip) { return _mm256_xor_pd(r, flip); }
+static inline row add_zero_times(row r, row sum) { return _mm256_fmadd_pd(r, _mm256_setzero_pd(), sum); }
+static inline uint64_t not_a_number(row r) { return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(r, r, _CMP_UNORD_Q)); }
+
+/* transpose 4 vectors of 4 */
+static inline void turn_tile(row r[TILE])
+{
+    const row a = _mm256_unpacklo_pd(r[0], r[1]), b = _mm256_unpackhi_pd(r[0], r[1]);
+    const row c = _mm256_unpacklo_pd(r[2], r[3]), d = _mm256_unpackhi_pd(r[2], r[3]);
+    r[0] = _mm256_permute2f128_pd(a, c, 0x20);
+    r[1] = _mm256_permute2f128_pd(b, d, 0x20);
+    r[2] = _mm256_permute2f128_pd(a, c, 0x31);
+    r[3] = _mm256_permute2f128_pd(b, d, 0x31);
+}
+
+#endif
+
+#if (defined(__AVX512F__) && defined(__AVX512DQ__)) || (defined(__AVX2__) && defined(__FMA__))
+
+static inline int smaller(int a, int b) { return a < b ? a : b; }
+
+/* -0.0 or 0.0, without a branch */
+static inline double flip_of(int32_t sign)
+{
+    const uint64_t bits = (uint64_t)(int64_t)sign & (uint64_t)1 << 63;
+    double flip;
+    memcpy(&flip, &bits, sizeof flip);
+    return flip;
+}
+
+/* one sample for all lanes */
+static void spread(const double *source, int n, double *slot)
+{
+    for (int k = 0; k < n; k++)
+        UNROLL for (int lane = 0; lane < LANES; lane += TILE) store_row(slot + (long)k*LANES + lane, repeat(source[k]));
+}
+
+/* n numbers of all samples, no more than a row has */
+static inline __attribute__((always_inline)) void gather_tiles(const double *source, long ld, int count, int n, double *slot)
+{
+    const part p = part_of(n);
+    for (int lane = 0; lane < LANES; lane += TILE) {
+        row r[TILE];
+        UNROLL for (int l = 0; l < TILE; l++) r[l] = load_part(source + smaller(lane + l, count - 1)*ld, p);
+        turn_tile(r);
+        UNROLL for (int j = 0; j < TILE; j++)
+            if (j < n) store_row(slot + (long)j*LANES + lane, r[j]);
+    }
+}
+
 static void gather(const double *source, long ld, int count, int n, double *slot)
 {
     if (n == 1 && ld == 1 && count == LANES) {     /* one number a sample: nothing to turn */
         memcpy(slot, source, LANES*sizeof(double));
         return;
     }
-    for (int k = 0; k < n; k += TILE) {
-        const int m = n - k < TILE ? n - k : TILE;
-        const __mmask8 mask = (__mmask8)((1u << m) - 1);
-        for (int lane = 0; lane < LANES; lane += TILE) {
-            __m512d r[TILE];
-            UNROLL for (int l = 0; l < TILE; l++) {
-                const int i = lane + l < count ? lane + l : count - 1;
-                r[l] = _mm512_maskz_loadu_pd(mask, source + i*ld + k);
-            }
-            turn_tile(r);
-            for (int j = 0; j < m; j++) _mm512_storeu_pd(slot + (long)(k + j)*LANES + lane, r[j]);
-        }
+    if (ld == 0) {
+        spread(source, n, slot);
+        return;
     }
+    int k = 0;
+    for (; k + TILE <= n; k += TILE) gather_tiles(source + k, ld, count, TILE, slot + (long)k*LANES);
+    if (k < n) gather_tiles(source + k, ld, count, n - k, slot + (long)k*LANES);
 }
 
 /* one number a sample: nothing to turn */
 static uint64_t scatter_column(const double *slot, int32_t sign, double *target, int count)
 {
-    const __m512d flip = _mm512_set1_pd(sign < 0 ? -0.0 : 0.0);
+    const row flip = repeat(flip_of(sign));
     uint64_t bad = 0;
     for (int lane = 0; lane < count; lane += TILE) {
-        const int last = count - lane < TILE ? count - lane : TILE;
-        const __mmask8 mask = (__mmask8)((1u << last) - 1);
-        const __m512d r = _mm512_xor_pd(_mm512_load_pd(slot + lane), flip), zero = _mm512_sub_pd(r, r);
-        _mm512_mask_storeu_pd(target + lane, mask, r);
-        bad |= (uint64_t)_mm512_mask_cmp_pd_mask(mask, zero, zero, _CMP_UNORD_Q) << lane;
+        const int last = smaller(count - lane, TILE);
+        const row r = turn_sign(load_row(slot + lane), flip);
+        store_part(target + lane, part_of(last), r);
+        bad |= (not_a_number(add_zero_times(r, repeat(0.0))) & ((1u << last) - 1)) << lane;
     }
     return bad;
 }
@@ -269,26 +358,24 @@ static uint64_t scatter_column(const double *slot, int32_t sign, double *target,
 static uint64_t scatter(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count)
 {
     if (n == 1 && ld == 1) return scatter_column(slot + (long)which[0]*LANES, sign[0], target, count);
-    const __m512d zero = _mm512_setzero_pd();
     uint64_t bad = 0;
     for (int lane = 0; lane < count; lane += TILE) {
-        const int last = count - lane < TILE ? count - lane : TILE;
-        __m512d finite = zero;               /* stays zero while all numbers are finite */
+        const int last = smaller(count - lane, TILE);
+        row finite = repeat(0.0);            /* stays zero while all numbers are finite */
         for (int k = 0; k < n; k += TILE) {
-            const int m = n - k < TILE ? n - k : TILE;
-            const __mmask8 mask = (__mmask8)((1u << m) - 1);
-            __m512d r[TILE];
+            const int m = smaller(n - k, TILE);
+            const part p = part_of(m);
+            row r[TILE];
             UNROLL for (int j = 0; j < TILE; j++) {
                 const int i = j < m ? k + j : k;
-                r[j] = _mm512_load_pd(slot + (long)which[i]*LANES + lane);
-                r[j] = _mm512_xor_pd(r[j], _mm512_set1_pd(sign[i] < 0 ? -0.0 : 0.0));
-                finite = _mm512_fmadd_pd(r[j], zero, finite);
+                r[j] = turn_sign(load_row(slot + (long)which[i]*LANES + lane), repeat(flip_of(sign[i])));
+                finite = add_zero_times(r[j], finite);
             }
             turn_tile(r);
             UNROLL for (int l = 0; l < TILE; l++)
-                if (l < last) _mm512_mask_storeu_pd(target + (lane + l)*ld + k, mask, r[l]);
+                if (l < last) store_part(target + (lane + l)*ld + k, p, r[l]);
         }
-        bad |= (uint64_t)(_mm512_cmp_pd_mask(finite, finite, _CMP_UNORD_Q) & ((1u << last) - 1)) << lane;
+        bad |= (not_a_number(finite) & ((1u << last) - 1)) << lane;
     }
     return bad;
 }

@@ -234,7 +234,7 @@ contains
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
         real(wp), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in), contiguous :: load(:, :, :)       !! (6, n_load, n)
+        real(wp), intent(in), contiguous :: load(:, :, :)       !! (6, n_load, n), or one for all
         type(inverse_results), intent(inout) :: results
         real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
         type(assembly_trail), intent(inout), optional :: trail
@@ -243,7 +243,8 @@ contains
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         real(wp), intent(in), optional :: quaternion(:, :, :)   !! (4, n_attitude, n), 0 where an attitude is given by its angles;
                                                                 !! the others' rates are angular velocities
-        real(wp), intent(in), optional :: t(:)                  !! instants, for laws over the state that ask for them [s] (n); absent: 0
+        real(wp), intent(in), optional :: t(:)                  !! instants, for laws over the state that ask for them [s] (n), or one
+                                                                !! for all; absent: 0
         real(wp), intent(in), optional :: stop_force(:, :)      !! of stops at which something rests (n_stop, n) [N, N m]; absent: none
         real(wp), intent(in), optional :: clutch_force(:, :)    !! of clutches (n_clutch, n) [N, N m]; absent: none
         real(wp), intent(in), optional :: contact_sense(:, :)   !! of joints that may stick, as of `friction_space` (n_contact, n); absent: 0
@@ -371,7 +372,7 @@ contains
             state%q = spread(q(:, sample), 1, lanes)
             state%qd = spread(qd(:, sample), 1, lanes)
             state%qdd = spread(qdd(:, sample), 1, lanes)
-            if (present(t)) state%time = t(sample)
+            if (present(t)) state%time = t(min(sample, size(t)))
             if (has_assemblies(model)) call place_sample(model, assembly, sample, 1, state)
             call evaluate_kinematics(model, state)
             call hold_texts()
@@ -382,9 +383,10 @@ contains
 
         !> The loads, with those that follow the state.
         subroutine tell_loads()
-            real(wp) :: pull(size(model%scene%spring), n), instant(n)
+            real(wp) :: pull(size(model%scene%spring), n)
+            real(wp), allocatable :: instant(:)
 
-            instant = 0
+            instant = [0.0_wp]
             if (present(t)) instant = t
             if (allocated(solver%at_start%status) .and. .not. is_on_way) then
                 call evaluate_load_laws(model, threads, q, qd, instant, load, solver%at_start, results%load, pull)
@@ -497,12 +499,12 @@ contains
                 workspace%state%q(lane, :) = q(:, sample)
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
-                if (present(t)) workspace%state%time(lane) = t(sample)
+                if (present(t)) workspace%state%time(lane) = t(min(sample, size(t)))
                 if (present(stop_force)) workspace%state%stop_force(lane, :) = stop_force(:, sample)
                 if (present(clutch_force)) workspace%state%clutch_force(lane, :) = clutch_force(:, sample)
                 if (present(contact_sense) .and. size(model%contact) > 0) &
                     workspace%friction%sense(lane, :size(model%contact)) = contact_sense(:, sample)
-                if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
+                if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, min(sample, size(load, 3)))
                 if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
                 if (.not. (has_assemblies(model) .or. has_stand_ins)) cycle
@@ -879,12 +881,12 @@ contains
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n)
+        real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n), or one for all
         type(sample_assembly), intent(in), target :: assembly
         type(inverse_results), intent(inout) :: results
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
-        real(wp), intent(in), optional :: t(:)                 !! [s] (n); absent: 0
+        real(wp), intent(in), optional :: t(:)                 !! [s] (n), or one for all; absent: 0
         real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
         type(sample_arrays) :: arrays
         type(result_list) :: list
@@ -895,8 +897,7 @@ contains
         call set_block(arrays, in_qd, size(q, 1), n, qd)
         call set_block(arrays, in_qdd, size(q, 1), n, qdd)
         if (size(model%scene%laws%law) > 0) then
-            allocate (with_laws, mold=load)
-            allocate (pull(size(model%scene%spring), n))
+            allocate (with_laws(6, size(load, 2), n), pull(size(model%scene%spring), n))
             if (present(t)) then
                 call evaluate_load_laws(model, threads, q, qd, t, load, assembly, with_laws, pull)
             else
@@ -905,11 +906,11 @@ contains
             call set_block(arrays, in_load, 6*size(load, 2), n, with_laws)
             call set_block(arrays, in_pull, size(pull, 1), n, pull)
         else
-            call set_block(arrays, in_load, 6*size(load, 2), n, load)
+            call set_block(arrays, in_load, 6*size(load, 2), size(load, 3), load)
         end if
         if (model%scene%base%moves) then
             if (present(t)) then
-                allocate (base(base_size(model), n))
+                allocate (base(base_size(model), size(t)))
                 call evaluate_base(model, t, base)
             else
                 allocate (base(base_size(model), 1))
@@ -919,7 +920,7 @@ contains
         end if
         if (size(model%payload) > 0) then
             if (present(t)) then
-                allocate (payload(size(model%payload), n))
+                allocate (payload(size(model%payload), size(t)))
                 call evaluate_payloads(model, t, payload)
             else
                 allocate (payload(size(model%payload), 1))

@@ -23,7 +23,7 @@ contains
         integer, intent(in) :: threads
         real(wp), intent(in) :: q(:, :), qd(:, :)                !! (n_q, n)
         real(wp), intent(in) :: t(:)                             !! [s] (n), or one for all
-        real(wp), intent(in) :: load(:, :, :)                    !! what is given beside the laws (6, n_load, n)
+        real(wp), intent(in) :: load(:, :, :)                    !! what is given beside the laws (6, n_load, n), or one for all
         type(sample_assembly), intent(in) :: assembly            !! of each sample, or one for all; not there: none is needed
         real(wp), intent(out) :: with_laws(:, :, :)              !! (6, n_load, n) [N, N m]
         real(wp), intent(out) :: pull(:, :)                      !! (n_spring, n) [N, N m]
@@ -49,7 +49,7 @@ contains
         subroutine run_block(first, last, state)
             integer, intent(in) :: first, last
             type(kinematic_state), intent(inout) :: state
-            integer :: lane, sample, i, k
+            integer :: lane, sample, given, i, k
 
             do lane = 1, lanes
                 sample = min(first + lane - 1, last)
@@ -62,11 +62,12 @@ contains
             call find_laws(model, state)
             do sample = first, last
                 lane = sample - first + 1
+                given = min(sample, size(load, 3))
                 do i = 1, model%n_load
                     associate (spec => model%scene%load(i))
                         do k = 1, 3
-                            with_laws(k, i, sample) = load(k, i, sample) + value_of(spec%force(k), state, lane)
-                            with_laws(3 + k, i, sample) = load(3 + k, i, sample) + value_of(spec%moment(k), state, lane)
+                            with_laws(k, i, sample) = load(k, i, given) + value_of(spec%force(k), state, lane)
+                            with_laws(3 + k, i, sample) = load(3 + k, i, given) + value_of(spec%moment(k), state, lane)
                         end do
                     end associate
                 end do

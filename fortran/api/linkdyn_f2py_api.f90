@@ -461,7 +461,7 @@ contains
         integer(c_int), intent(in) :: n_assembly, n_t, n_friction, n_friction_power, n_motor, n_current, n_margin, &
                                       n_contact, n_pressure, n_strand
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
-        real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
+        real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n); one of them: all
         real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
@@ -530,7 +530,7 @@ contains
             if (wanted(19) == 1) call offer(26, pressure_angle)
             if (wanted(20) == 1) call offer(27, strand_force)
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
-                                 sample_status, found, status, [(t(min(i, n_t)), i=1, n)])
+                                 sample_status, found, status, t)
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
         n_passed = found%n_passed

@@ -113,12 +113,12 @@ contains
         integer, intent(in) :: first                     !! number of the first sample in messages
         integer, intent(in) :: n                         !! samples
         real(c_double), intent(in), target, contiguous :: q(:), qd(:), qdd(:)   !! (n_q*n) [m, rad] and rates
-        real(c_double), intent(in), target, contiguous :: load(:)               !! (6*n_load*n) [N, N m]
+        real(c_double), intent(in), target, contiguous :: load(:)               !! (6*n_load*n), or (6*n_load) for all [N, N m]
         type(room_type), intent(in) :: room(n_room)
         integer(c_int), intent(inout), target, contiguous :: sample_status(:)   !! (n)
         type(inverse_report), intent(inout) :: report
         type(status_type), intent(inout) :: status
-        real(c_double), intent(in), optional :: t(:)     !! instants [s], for laws over the state that ask for them (n)
+        real(c_double), intent(in), optional :: t(:)     !! instants [s], for laws over the state that ask for them (n), or one for all
         type(inverse_solver), pointer :: solver
         type(assembly_trail) :: trail
         type(turn_count) :: turns
@@ -126,9 +126,10 @@ contains
         type(inverse_options) :: own
         real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :), own_transmission(:, :)
-        integer :: i
+        integer :: n_given, i                            ! loads, as many as samples or one
 
         own = options
+        n_given = merge(1, n, size(load) == 6*scene%model%n_load)
         own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error) &
                            .or. (is_wanted(result_error) .and. own%solver /= solver_lapack)  ! whose bound needs no probe
         own%wants_rcond = is_wanted(result_rcond)
@@ -137,8 +138,9 @@ contains
         call check_count(n, status)
         if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction) .or. is_wanted(result_contact_force), &
                                                solver, status)
-        if (status%is_ok()) call check_arrays(scene%model, n, q, qd, qdd, load, room, sample_status, status)
-        if (status%is_ok()) call check_input(scene%model, first, n, q, qd, qdd, load, status)
+        if (status%is_ok()) call check_arrays(scene%model, n, n_given, q, qd, qdd, load, room, sample_status, &
+                                                status)
+        if (status%is_ok()) call check_input(scene%model, first, n, n_given, q, qd, qdd, load, status)
         if (status%is_ok() .and. .not. present(t)) call require_no_instants(scene%model%scene, status)
         call release_texts()
         if (.not. status%is_ok()) return
@@ -146,7 +148,7 @@ contains
             q2(1:model%n_q, 1:n) => q
             qd2(1:model%n_q, 1:n) => qd
             qdd2(1:model%n_q, 1:n) => qdd
-            load3(1:6, 1:model%n_load, 1:n) => load
+            load3(1:6, 1:model%n_load, 1:n_given) => load
             results%status => sample_status
             call use_rooms(model, n, room, results)
             if (any([(is_motor_load(room_id(i)) .and. is_wanted(room_id(i)), i=1, n_room)])) then
@@ -328,9 +330,9 @@ contains
         end if
     end subroutine require_no_instants
 
-    subroutine check_arrays(model, n, q, qd, qdd, load, room, sample_status, status)
+    subroutine check_arrays(model, n, n_given, q, qd, qdd, load, room, sample_status, status)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: n
+        integer, intent(in) :: n, n_given                !! samples, loads
         real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
         type(room_type), intent(in) :: room(n_room)
         integer(c_int), intent(in) :: sample_status(:)
@@ -340,7 +342,7 @@ contains
         call check_size("q", size(q, kind=int64), model%n_q, n, status)
         call check_size("qd", size(qd, kind=int64), model%n_q, n, status)
         call check_size("qdd", size(qdd, kind=int64), model%n_q, n, status)
-        call check_size("load", size(load, kind=int64), 6*model%n_load, n, status)
+        call check_size("load", size(load, kind=int64), 6*model%n_load, n_given, status)
         call check_size("status", size(sample_status, kind=int64), 1, n, status)
         do i = 1, n_room
             associate (width => room_width(model, room_id(i)))
@@ -370,16 +372,16 @@ contains
         text = trim(buffer)
     end function long_to_text
 
-    subroutine check_input(model, first, n, q, qd, qdd, load, status)
+    subroutine check_input(model, first, n, n_given, q, qd, qdd, load, status)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: first, n
+        integer, intent(in) :: first, n, n_given         !! number of the first sample; samples, loads
         real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
         type(status_type), intent(inout) :: status
 
         call check_finite("q", model, first, n, q, status)
         call check_finite("qd", model, first, n, qd, status)
         call check_finite("qdd", model, first, n, qdd, status)
-        call check_finite_loads(model, first, n, load, status)
+        call check_finite_loads(model, first, n_given, load, status)
     end subroutine check_input
 
     !> NaN or infinite input is refused by name and place.

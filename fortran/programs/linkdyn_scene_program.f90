@@ -1,7 +1,7 @@
 !> A kernel of a scene, ready to run on samples: blocks of arrays go in, blocks of arrays come out.
 module linkdyn_scene_program
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, &
-        forms_multiply_adds, block_lanes, run_block, run_single, gather, scatter, gather_single, scatter_single
+        forms_multiply_adds, block_lanes, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
     use linkdyn_inputs, only: input_blocks, n_block, in_found
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
@@ -194,25 +194,29 @@ contains
         type(output_target), intent(in) :: target(:)   !! those of other programs do not matter
         logical, intent(inout), optional :: is_bad(:)  !! (count) set where a number is not finite
         logical :: not_finite(most_lanes)
-        integer :: g, k, t, begin, n
+        integer :: g, k, t, begin, n, column
 
         not_finite(:count) = .false.
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
-            call run_block(program%program, g, space%block)
             do while (program%first(k) + program%n(k) <= begin)
                 k = k + 1
             end do
             n = program%program%group_end(g) - begin + 1
             do t = 1, size(target)
-                if (target(t)%id /= program%id(k)) cycle
-                associate (x => target(t)%x, column => merge(1, first, target(t)%is_of_block))
-                    call scatter(program%program, space%block, begin, n, x(begin - program%first(k) + 1, column), size(x, 1), &
-                                 count, not_finite)
-                end associate
-                exit
+                if (target(t)%id == program%id(k)) exit
             end do
+            if (t > size(target)) then                 ! nobody wants it
+                call run_block(program%program, g, space%block)
+            else
+                column = merge(1, first, target(t)%is_of_block)
+                associate (x => target(t)%x, k1 => begin - program%first(k) + 1)
+                    if (.not. target(t)%is_of_block) call expect(x(k1, column), size(x, 1), n, count)
+                    call run_block(program%program, g, space%block)
+                    call scatter(program%program, space%block, begin, n, x(k1, column), size(x, 1), count, not_finite)
+                end associate
+            end if
             begin = begin + n
         end do
         if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)

@@ -8,7 +8,7 @@ module linkdyn_block
     implicit none (type, external)
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
-    public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, scatter, gather_single, scatter_single
+    public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
     public :: put_lanes, take_lanes
 
     integer, parameter :: lanes = 8
@@ -108,6 +108,12 @@ contains
             space%slot(first:first + n - 1, lane) = source(at + 1:at + n)
         end do
     end subroutine gather
+
+    !> That numbers will soon be written: nothing here waits for the memory.
+    subroutine expect(target, stride, n, count)
+        real(wp), intent(in) :: target(*)
+        integer, intent(in) :: stride, n, count
+    end subroutine expect
 
     !> Outputs first, ..., first + n - 1 to `count` samples; says in which of them a number is not finite.
     subroutine scatter(program, space, first, n, target, stride, count, is_bad)

@@ -8,7 +8,7 @@ module linkdyn_block
     implicit none (type, external)
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
-    public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, scatter, gather_single, scatter_single
+    public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
     public :: put_lanes, take_lanes
 
     !> A kernel in the form that runs. Constant: threads share it.
@@ -85,6 +85,13 @@ module linkdyn_block
             integer(c_int), value :: count, n, first
             type(c_ptr), value :: slot
         end subroutine gather_rows
+
+        subroutine expect_rows(target, ld, n, count) bind(c, name="linkdyn_expect")
+            import :: c_double, c_long, c_int
+            real(c_double), intent(in) :: target(*)
+            integer(c_long), value :: ld
+            integer(c_int), value :: n, count
+        end subroutine expect_rows
 
         function scatter_rows(slot, which, sign, n, target, ld, count) bind(c, name="linkdyn_scatter") result(bad)
             import :: c_double, c_long, c_int, c_int32_t, c_int64_t, c_ptr
@@ -190,6 +197,14 @@ contains
 
         call gather_rows(source, int(stride, c_long), count, n, space%memory, first - 1)
     end subroutine gather
+
+    !> That n numbers of `count` samples, `stride` apart, will soon be written: their lines of the cache are fetched meanwhile.
+    subroutine expect(target, stride, n, count)
+        real(wp), intent(in) :: target(*)
+        integer, intent(in) :: stride, n, count
+
+        call expect_rows(target, int(stride, c_long), n, count)
+    end subroutine expect
 
     !> Outputs first, ..., first + n - 1 to `count` samples; says in which of them a number is not finite.
     subroutine scatter(program, space, first, n, target, stride, count, is_bad)

@@ -63,6 +63,8 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     InputError
         Complex, bool, object or text values; a wrong shape.
     """
+    if type(values) is np.ndarray and values.dtype is FLOATS and values.flags.c_contiguous and _fits(values.shape, shape):
+        return values  # as nearly always
     try:
         array = np.asarray(values)
     except ValueError:
@@ -70,12 +72,14 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
         raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
     if array.dtype != FLOATS and (array.dtype.kind not in "fiu" or array.dtype.itemsize > FLOATS.itemsize):
         raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
-    if array.shape != shape and not _fits(array.shape, shape):
+    if not _fits(array.shape, shape):
         raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}")
     return np.ascontiguousarray(array, dtype=FLOATS)
 
 
 def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    if shape == expected:
+        return True
     if len(shape) != len(expected):
         return False
     for n, wanted in zip(shape, expected):
@@ -107,6 +111,8 @@ def as_number(name: str, value: Any) -> float:
 
 def as_count(name: str, value: Any, first: int = 1) -> int:
     """A whole number from the first on; the largest that the engine's integers hold is taken for anything above."""
+    if type(value) is int and first <= value <= MOST:
+        return value  # as nearly always
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < first:
         raise InputError(f"{name}: expected a whole number from {first} on, got {quoted(value)}")
     return min(int(value), MOST)

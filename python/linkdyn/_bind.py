@@ -50,8 +50,8 @@ _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
 _NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
-MOST_KEPT = 32 << 20
-"""Bytes of the largest block that glibc keeps (DEFAULT_MMAP_THRESHOLD_MAX)."""
+LEAST_GIVEN_BACK, MOST_KEPT = 128 << 10, 32 << 20
+"""Bytes of the smallest block that glibc may give back to the system, and of the largest that it keeps (DEFAULT_MMAP_THRESHOLD, .._MAX)."""
 LOAD_WIDTH = 6
 POSE_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
@@ -290,7 +290,7 @@ def keep_memory(n_bytes: int) -> None:
     again page by page takes longer than the forces of a closed form. A block as large as all results together, freed untouched,
     tells it how much is used at a time. What is above its limit is given back in any case.
     """
-    if n_bytes <= MOST_KEPT:
+    if LEAST_GIVEN_BACK <= n_bytes <= MOST_KEPT:
         np.empty(n_bytes, dtype=np.uint8)
 
 
@@ -322,7 +322,8 @@ class Inverse:
         names = set(names)
         self._handle, self._solver = handle, solver
         self._wanted = np.array([group[0] in names for group in _GROUPS], dtype=np.intc)
-        self._places = tuple((name, _NO_FLAGS if name == "assembly" else _NOTHING) for name in _OUTPUTS)
+        self._nothing = [_NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
+        self._places = [(place, name) for place, name in enumerate(_OUTPUTS) if name in names]
 
     def run(
         self,
@@ -341,7 +342,7 @@ class Inverse:
         in_order
             The samples follow each other: the assembly is followed by continuity.
         inputs
-            q, qd, qdd (n, n_q), load (n, n_load, 6) and t (n or 1).
+            q, qd, qdd (n, n_q), load (n or 1, n_load, 6) and t (n or 1).
         outputs
             Arrays of the results wanted by name, C-ordered, sample first, and "status".
 
@@ -355,7 +356,9 @@ class Inverse:
             The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
         """
         settings = (self._handle, self._solver, threads, first, int(in_order), self._wanted)
-        arrays = [_flat(outputs[name]) if name in outputs else nothing for name, nothing in self._places]
+        arrays: list[NDArray[Any]] = self._nothing.copy()
+        for place, name in self._places:
+            arrays[place] = _flat(outputs[name])
         roads, passed, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
         return roads, passed, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
 

@@ -45,6 +45,8 @@ RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25
 """Instants of a forward run, their values, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
+_START = np.zeros(1)
+"""The instant of states without one."""
 DEEPEST = 32
 """Tables and lists inside each other, in a scene given as a mapping."""
 
@@ -952,11 +954,10 @@ class Scene:
     def _given(self, q: ArrayLike, qd: ArrayLike | None, qdd: ArrayLike | None) -> dict[str, NDArray[np.float64]]:
         """Coordinates and derivatives of a batch, checked."""
         values = self._batch("q", q, None)
-        n = len(values)
         return {
             "q": values,
-            "qd": np.zeros(values.shape) if qd is None else self._batch("qd", qd, n),
-            "qdd": np.zeros(values.shape) if qdd is None else self._batch("qdd", qdd, n),
+            "qd": np.zeros(values.shape) if qd is None else as_floats("qd", qd, values.shape),
+            "qdd": np.zeros(values.shape) if qdd is None else as_floats("qdd", qdd, values.shape),
         }
 
     def _run(
@@ -973,17 +974,17 @@ class Scene:
         Results by name, the roads that samples took, the change points passed on their way, and why the first sample was lost that was: its assembly along a motion,
         or a joint that friction locks.
         """
-        n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
+        n, threads = len(given["q"]), as_count("threads", threads)
         _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         in_order = "time" in given
         t = given["time"] if in_order else t
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
-        failure, passed = "", 0
+        roads, failure, passed = np.zeros(3, dtype=np.intc), "", 0
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            loads = _spread(load, list(wrench.values()), block, n)
+            loads = _spread(load, list(wrench.values()), block)
             inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block])
             places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
             taken, passed, lost, why = job.engine.run(threads, first, in_order, inputs, places)
@@ -1010,14 +1011,15 @@ class Scene:
 
     def _instant_or_0(self, t: ArrayLike | None) -> NDArray[np.float64]:
         """Instants of a batch: (N,) or (1,)."""
-        return np.zeros(1) if t is None else self._instants(t)
+        return _START if t is None else self._instants(t)
 
     def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
         """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
         columns = len(self.coordinates)
-        says = f"({'N' if n is None else n}, {columns})" if one else ""
-        if one and dimensions(name, values, says) == 1:
-            return as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
+        if one:
+            says = f"({'N' if n is None else n}, {columns})"
+            if dimensions(name, values, says) == 1:
+                return as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
         return as_floats(name, values, (n, columns))
 
     def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
@@ -1057,13 +1059,12 @@ class Scene:
         return full
 
 
-def _spread(
-    load: NDArray[np.float64], extra: list[NDArray[np.float64]], block: slice, n: int
-) -> NDArray[np.float64]:
-    """Loads (samples, n_load, 6) of a block; those of ``wrench`` stand behind the scene's own."""
-    if not extra and len(load) == n:
-        return load[block]
-    spread = np.empty((block.stop - block.start, *load.shape[1:]))
+def _spread(load: NDArray[np.float64], extra: list[NDArray[np.float64]], block: slice) -> NDArray[np.float64]:
+    """Loads (samples, n_load, 6) of a block, or one for all (1, n_load, 6); those of ``wrench`` stand behind the scene's own."""
+    if not extra:
+        return load if len(load) == 1 else load[block]
+    is_same = len(load) == 1 and all(len(values) == 1 for values in extra)
+    spread = np.empty((1 if is_same else block.stop - block.start, *load.shape[1:]))
     n_own = load.shape[1] - len(extra)
     spread[:, :n_own] = (load if len(load) == 1 else load[block])[:, :n_own]
     for k, values in enumerate(extra):

@@ -101,3 +101,31 @@ def test_runs_share_nothing_that_can_be_changed(tsai_file):
     along = scene.inverse()
     assert along.sel(time=0.5, method="nearest")["driving_force"].shape == (6,)
     assert along["time"].attrs["units"] == "s"
+
+
+def test_batches_of_one_length_are_as_the_first(tsai_file):
+    scene = linkdyn.load(tsai_file)
+    q, qd, qdd = scene.motion(np.linspace(0.0, 1.0, 5))
+    marker = "platform.center"
+    for wrench in (None, {marker: np.ones(6)}, {marker: np.ones((5, 6))}):
+        first = linkdyn.load(tsai_file).inverse(q, qd, qdd, wrench=wrench).drop_attrs(deep=False)
+        for _ in range(4):
+            run = scene.inverse(q, qd, qdd, wrench=wrench)
+            xr.testing.assert_identical(run.drop_attrs(deep=False), first)
+            run["joint"].attrs["note"] = run["status"].attrs["note"] = run.attrs["note"] = run.encoding["note"] = "mine"
+            run["driving_force"][:] = 0.0
+            run["joint_variable"].values[:] = 0.0
+            run.coords["joint"] = range(run.sizes["joint"])
+        assert "note" not in (again := scene.inverse(q, qd, qdd, wrench=wrench)).attrs | again.encoding
+    assert len(scene.inverse(q[:3]).sample) == 3
+
+
+def test_one_load_for_all_is_the_same_load_for_each(tsai_file):
+    scene = linkdyn.load(tsai_file)
+    q, qd, qdd = scene.motion(np.linspace(0.0, 1.0, 40))
+    load = np.arange(1.0, 7.0)
+    for solver in ("elimination", "lapack"):
+        for t in (None, 0.25):
+            one = scene.solve(q, qd, qdd, wrench={"platform.center": load}, t=t, want=None, solver=solver)
+            each = scene.solve(q, qd, qdd, wrench={"platform.center": np.tile(load, (40, 1))}, t=t, want=None, solver=solver)
+            assert all(np.array_equal(one[name], each[name], equal_nan=True) for name in each)
