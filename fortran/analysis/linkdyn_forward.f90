@@ -329,6 +329,7 @@ contains
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
         real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :), contact_sense(:, :)
+        real(wp), allocatable :: angle(:, :)           ! of joints, their turns counted (n_variable, n)
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(instants))
@@ -337,6 +338,10 @@ contains
         t = instants
         n_done = 0
         if (run%is_over) return
+        if (associated(results%forces%joint_variable)) then
+            allocate (angle(run%own%n_variable, size(t)), source=0.0_wp)
+            call run%system%count_joint_turns(run%own, run%integrator%t, run%y)
+        end if
         associate (m => run%own, n => size(t))
             allocate (stop_force(n_stop(m%scene), n), clutch_force(n_clutch(m%scene), n), contact_sense(size(m%contact), n), &
                       source=0.0_wp)
@@ -381,6 +386,7 @@ contains
             is_lost(i) = run%integrator%is_lost
             if (.not. run%has_stopped .or. run%is_over) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
+                if (allocated(angle) .and. .not. is_lost(i)) angle(:, i) = run%system%joint_angles(t(i))
                 rate(:, i) = qd(:, i)
                 call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
                 call keep_evaluated(run%model, t(i), run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
@@ -419,6 +425,7 @@ contains
             type(inverse_results) :: part
 
             part = part_of_results(results%forces, first, last)
+            if (allocated(angle)) run%turns%about = angle(:, first:last)
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &

@@ -16,7 +16,7 @@ module linkdyn_measures
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, find_events, find_kept, follow_angle, measure_distance, measure_spring_length
+    public :: find_laws, find_measures, find_events, find_kept, measure_distance, measure_spring_length
     public :: spring_without_direction
 
 contains
@@ -81,20 +81,6 @@ contains
                 measure(:, i) = measure(:, i) - two_pi*anint((measure(:, i) - about(:, i))/two_pi)
         end do
     end subroutine count_turns
-
-    !> A measure that wraps and its rate, with the turns that it had about here.
-    subroutine follow_angle(model, state, measure, about, value, rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: measure
-        real(wp), intent(in) :: about(lanes)           !! [rad]
-        real(wp), intent(out) :: value(lanes), rate(lanes)
-
-        associate (spec => model%scene%laws%measure(measure))
-            call measure_variable(model, state, spec%joint, spec%variable, about, value, rate)
-        end associate
-        value = value - two_pi*anint((value - about)/two_pi)
-    end subroutine follow_angle
 
     !> All measures, as the laws mean them: those of a similar mechanism at the size of the scene.
     subroutine find_measures(model, state, measure)
