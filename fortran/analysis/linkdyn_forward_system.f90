@@ -108,6 +108,7 @@ module linkdyn_forward_system
         procedure :: begin_with_clutches
         procedure :: switch_now
         procedure :: slips_at
+        procedure :: touches
         procedure :: next_control
         procedure :: control_now
         procedure :: begin
@@ -500,6 +501,7 @@ contains
             call evaluate_assembled(model, t, self%assembly, workspace%state)
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
+            if (n_stop(model%scene) > 0) workspace%state%touch = self%touches()
             if (any(model%scene%actuator%drive%kind == drive_over) .or. self%control%has_continuous) &
                 call find_laws(model, workspace%state)
             call drive_actuators(self, t, y)
@@ -584,6 +586,18 @@ contains
 
         applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%given_force)
     end function applies_motion_forces
+
+    !> Which sides of stops are touched: events decide it from one accepted state to the next. Their forces so stay what they are up to
+    !> the very end of a step, where the last stage may lie on either side.
+    function touches(self) result(touch)
+        class(forward_system), intent(in) :: self
+        real(wp) :: touch(lanes, n_stop(self%model%scene))     ! see `measure_touch` (lane, side of a stop)
+        integer :: i
+
+        do i = 1, size(touch, 2)
+            touch(:, i) = -self%guard_side(:, self%model%scene%stop(i)%event)
+        end do
+    end function touches
 
     !> Power of the driving forces, and of all forces but gravity.
     subroutine find_powers(self, driving, supplied)
