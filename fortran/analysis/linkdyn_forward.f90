@@ -718,8 +718,15 @@ contains
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: reason
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
+        character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
+            //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
+        integer :: stalled
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
+        ! However the steps have come to their end, by what they lost or by how short they became: this is why.
+        stalled = 0
+        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
+            stalled = run%system%stalled_coordinate(run%good_until, run%y)
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
         else if (run%system%is_driven_through(1)) then
@@ -734,10 +741,10 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (stalled > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
         else if (run%system%bounce%is_ahead) then
-            reason = reason//"a coordinate that is part of a pose or of a joint with several axes comes to its dead point, where " &
-                     //"it turns back and the mechanism goes on (expected hinges or slides as coordinates: others can take " &
-                     //"their places)"
+            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)

@@ -102,6 +102,7 @@ module linkdyn_forward_system
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
+        procedure :: stalled_coordinate
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
@@ -196,6 +197,13 @@ module linkdyn_forward_system
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
         end function leads_too_far
+
+        !> The coordinate that cannot be exchanged and has come to its dead point in an accepted state; 0: none.
+        integer module function stalled_coordinate(self, t, y) result(stalled)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+            real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        end function stalled_coordinate
 
         ! ---- linkdyn_forward_contacts
         module subroutine accelerate(self, t, y, push, away)
