@@ -329,6 +329,7 @@ contains
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
         real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :), contact_sense(:, :)
+        real(wp), allocatable :: angle(:, :)           ! of joints, their turns counted (n_variable, n)
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(instants))
@@ -337,6 +338,10 @@ contains
         t = instants
         n_done = 0
         if (run%is_over) return
+        if (associated(results%forces%joint_variable)) then
+            allocate (angle(run%own%n_variable, size(t)), source=0.0_wp)
+            call run%system%count_joint_turns(run%own, run%integrator%t, run%y)
+        end if
         associate (m => run%own, n => size(t))
             allocate (stop_force(n_stop(m%scene), n), clutch_force(n_clutch(m%scene), n), contact_sense(size(m%contact), n), &
                       source=0.0_wp)
@@ -381,6 +386,7 @@ contains
             is_lost(i) = run%integrator%is_lost
             if (.not. run%has_stopped .or. run%is_over) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
+                if (allocated(angle) .and. .not. is_lost(i)) angle(:, i) = run%system%joint_angles(t(i))
                 rate(:, i) = qd(:, i)
                 call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
                 call keep_evaluated(run%model, t(i), run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
@@ -419,6 +425,7 @@ contains
             type(inverse_results) :: part
 
             part = part_of_results(results%forces, first, last)
+            if (allocated(angle)) run%turns%about = angle(:, first:last)
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
@@ -711,8 +718,15 @@ contains
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: reason
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
+        character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
+            //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
+        integer :: stalled
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
+        ! However the steps have come to their end, by what they lost or by how short they became: this is why.
+        stalled = 0
+        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
+            stalled = run%system%stalled_coordinate(run%good_until, run%y)
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
         else if (run%system%is_driven_through(1)) then
@@ -727,10 +741,10 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (stalled > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
         else if (run%system%bounce%is_ahead) then
-            reason = reason//"a coordinate that is part of a pose or of a joint with several axes comes to its dead point, where " &
-                     //"it turns back and the mechanism goes on (expected hinges or slides as coordinates: others can take " &
-                     //"their places)"
+            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)

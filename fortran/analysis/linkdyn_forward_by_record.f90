@@ -10,6 +10,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_motion_forces, only: record_motion_forces, share_motion_forces
     use linkdyn_motor_states, only: drive_record_by_motors
     use linkdyn_representatives, only: choose_poses
+    use linkdyn_scene, only: measure_touch
     implicit none (type, external)
 
 contains
@@ -40,6 +41,21 @@ contains
         call help_lanes(self)
     end procedure share_record
 
+    !> The record measures nothing of what the run knows: it is added, as turns are.
+    subroutine place_touches(model, n, touch, record)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        real(wp), intent(in) :: touch(:, :)            !! (lane, n_stop)
+        type(forward_record), intent(inout) :: record
+        integer :: i
+
+        do i = 1, size(model%scene%laws%measure)
+            associate (spec => model%scene%laws%measure(i))
+                if (spec%kind == measure_touch) record%samples%turned(i, :n) = touch(:n, spec%stop)
+            end associate
+        end do
+    end subroutine place_touches
+
     !> dy/dt of the lanes used; the others are like the last of these.
     module procedure evaluate_by_record
         real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator), counted(lanes, self%model%n_q)
@@ -56,6 +72,7 @@ contains
         end if
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
+            if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. given_status(:n) /= sample_ok
             call close_states(self%model, self%assembly, n, self%record)
             changes_efforts = has_motor_laws .or. self%control%state%n > 0

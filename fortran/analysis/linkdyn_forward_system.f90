@@ -26,7 +26,8 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, renew_equations, &
         free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
-    use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles
+    use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
+        follow_angles, angles_at
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
@@ -79,7 +80,8 @@ module linkdyn_forward_system
         logical :: is_driven_through(lanes) = .false.  !! it is a stop that cannot hold: what strikes it is driven
         type(event_log) :: log
         integer :: n_told = 1                          !! lanes whose events are told
-        type(event_angles), private :: angles
+        type(followed_angles), private :: angles         !! that events look at
+        type(followed_angles), private :: of_joints      !! that are results; empty: nobody has asked
         type(stop_states) :: stops
         type(clutch_states) :: clutch
         type(held_accelerations) :: held               !! of what both hold, at the state in the workspace
@@ -102,16 +104,20 @@ module linkdyn_forward_system
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
+        procedure :: stalled_coordinate
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
         procedure :: begin_with_clutches
         procedure :: switch_now
         procedure :: slips_at
+        procedure :: touches
         procedure :: next_control
         procedure :: control_now
         procedure :: begin
         procedure :: take_over
+        procedure :: count_joint_turns
+        procedure :: joint_angles
         procedure :: look_at
         procedure, private :: look_closely
         procedure, private :: find_given_forces
@@ -193,6 +199,13 @@ module linkdyn_forward_system
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
         end function leads_too_far
+
+        !> The coordinate that cannot be exchanged and has come to its dead point in an accepted state; 0: none.
+        integer module function stalled_coordinate(self, t, y) result(stalled)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+            real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        end function stalled_coordinate
 
         ! ---- linkdyn_forward_contacts
         module subroutine accelerate(self, push, away)
@@ -348,7 +361,7 @@ contains
         allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
         call prepare_clutches(n_clutch(model%scene), system%clutch)
         call prepare_stops(n_stop(model%scene), system%stops)
-        call prepare_angles(model, system%angles)
+        call prepare_measured_angles(model, system%angles)
     end subroutine prepare_events
 
     ! ---------------------------------------------------------------- run
@@ -381,6 +394,8 @@ contains
         call begin_assembly(self%model, t, self%assembly)
         self%assembly%n_crossed = other%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
+        self%of_joints = other%of_joints
+        if (wraps_anywhere(self%of_joints)) call need_look(self)
         self%own => other%own
         self%control%state = other%control%state
         self%motors%switched = other%motors%switched
@@ -492,6 +507,7 @@ contains
             self%held%is_measured = .false.
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
+            if (n_stop(model%scene) > 0) workspace%state%touch = self%touches()
             if (any(model%scene%actuator%drive%kind == drive_over) .or. self%control%has_continuous) &
                 call find_laws(model, workspace%state)
             call drive_actuators(self, t, y)
@@ -577,6 +593,18 @@ contains
         applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%given_force)
     end function applies_motion_forces
 
+    !> Which sides of stops are touched: events decide it from one accepted state to the next. Their forces so stay what they are up to
+    !> the very end of a step, where the last stage may lie on either side.
+    function touches(self) result(touch)
+        class(forward_system), intent(in) :: self
+        real(wp) :: touch(lanes, n_stop(self%model%scene))     ! see `measure_touch` (lane, side of a stop)
+        integer :: i
+
+        do i = 1, size(touch, 2)
+            touch(:, i) = -self%guard_side(:, self%model%scene%stop(i)%event)
+        end do
+    end function touches
+
     !> Power of the driving forces, and of all forces but gravity.
     subroutine find_powers(self, driving, supplied)
         class(forward_system), intent(inout) :: self
@@ -626,12 +654,59 @@ contains
         end if
         if (self%bounce%is_on) call note_start(self%model, self%assembly%state, t(1), self%bounce)
         call accept_motion(t, is_accepted, self%of_motion)
-        if (wraps_anywhere(self%angles)) then
-            call self%look_closely(t, y)
-            call follow_angles(self%model, self%look, t, is_accepted, self%angles)
-        end if
+        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) call follow_turns(self, t, y, is_accepted)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
+
+    !> Angles have turned on the way to an accepted state.
+    subroutine follow_turns(self, t, y, is_accepted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_accepted(lanes)
+
+        if (self%assembly%is_needed .and. .not. wraps_anywhere(self%angles)) then
+            ! where the state has just been computed
+            call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
+            return
+        end if
+        call self%look_closely(t, y)
+        if (wraps_anywhere(self%angles)) call follow_angles(self%model, self%look, t, is_accepted, self%angles)
+        if (wraps_anywhere(self%of_joints)) call follow_angles(self%model, self%look, t, is_accepted, self%of_joints)
+    end subroutine follow_turns
+
+    !> Count the turns of all joint angles from an accepted state on, unless that has begun.
+    subroutine count_joint_turns(self, own, t, y)
+        class(forward_system), intent(inout) :: self
+        type(model_type), intent(in) :: own            !! with the coordinates that results are told in
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)
+
+        if (wraps_anywhere(self%of_joints)) return
+        call prepare_joint_angles(own, self%of_joints)
+        if (.not. wraps_anywhere(self%of_joints)) return
+        call need_look(self)
+        self%of_joints%t = t
+        call self%look_closely(spread(t, 1, lanes), y)
+        call follow_angles(self%model, self%look, spread(t, 1, lanes), spread(.true., 1, lanes), self%of_joints)
+    end subroutine count_joint_turns
+
+    subroutine need_look(self)
+        class(forward_system), intent(inout) :: self
+
+        if (.not. allocated(self%look%q)) call prepare_kinematics(self%model, 0, self%look)
+    end subroutine need_look
+
+    !> Joint angles with their turns on lane 1, of the state evaluated last on lanes; other joint variables: 0.
+    function joint_angles(self, t) result(angle)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: t                      !! of the state [s]
+        real(wp) :: angle(self%model%n_variable)       ! [rad]
+        real(wp) :: on_lanes(lanes, self%model%n_variable)
+
+        on_lanes = angles_at(self%model, self%workspace%state, spread(t, 1, lanes), self%of_joints)
+        angle = on_lanes(1, :)
+    end function joint_angles
 
     !> Has the last step made energy of nothing, or lost it?
     function has_broken_law(self) result(is_broken)

@@ -1,7 +1,7 @@
 !> Coordinates that come to dead points: when the caller has to do something about one, and which steps lead too far.
 submodule (linkdyn_forward_system) linkdyn_forward_watch
-    use linkdyn_bounce_watch, only: look_at_end
-    use linkdyn_coordinate_watch, only: compare_rates, note_rates, is_well_past, is_near_dead_point, dead_coordinate
+    use linkdyn_bounce_watch, only: look_at_end, gains_of
+    use linkdyn_coordinate_watch, only: compare_rates, note_rates, is_well_past, is_near_dead_point, dead_coordinate, largest_growth
     implicit none (type, external)
 
 contains
@@ -54,6 +54,30 @@ contains
         self%watch%is_compared = .true.
         self%watch%ratio = accepted
     end procedure leads_too_far
+
+    !> What a unit rate of it makes has grown most since the start, and as much as no coordinate in use may.
+    module procedure stalled_coordinate
+        type(kinematic_state) :: state
+        type(carried_assembly) :: start
+        real(wp), dimension(self%model%n_q) :: before, now
+
+        stalled = 0
+        if (.not. self%bounce%is_on) return
+        call prepare_kinematics(self%model, self%model%n_q, state)
+        call begin_assembly(self%model, t, start)
+        state%q = spread(self%model%start_q, 1, lanes)
+        call evaluate_assembled(self%model, spread(t, 1, lanes), start, state)
+        before = gains_of(self%model, state, self%bounce)
+        call unpack_state(self%model, self%layout, spread(t, 1, lanes), y, self%turns, state)
+        call evaluate_assembled(self%model, spread(t, 1, lanes), self%assembly, state)
+        now = gains_of(self%model, state, self%bounce)
+        where (self%layout%rate > 0 .and. now <= huge(1.0_wp) .and. before > 0)
+            now = now/before
+        elsewhere
+            now = 0
+        end where
+        if (any(now > largest_growth)) stalled = maxloc(now, 1)
+    end procedure stalled_coordinate
 
     !> Motion of the state evaluated last in the workspace.
     subroutine catch_up(self)

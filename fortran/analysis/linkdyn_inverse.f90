@@ -55,7 +55,7 @@ module linkdyn_inverse
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, sample_locked
     use linkdyn_text, only: quoted
     use linkdyn_threads, only: team_size
-    use linkdyn_turns, only: turn_count, count_turns
+    use linkdyn_turns, only: turn_count
     use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
@@ -119,6 +119,26 @@ module linkdyn_inverse
     contains
         procedure :: free => free_solver
     end type inverse_solver
+
+    ! How is said in `linkdyn_inverse_turns`.
+    interface
+        !> Joint angles of samples get the turns that they have where somebody says that they are about.
+        module subroutine count_turns_about(model, variable, turns)
+            type(model_type), intent(in) :: model
+            real(wp), intent(inout) :: variable(:, :)      !! (n_variable, n); samples that failed are NaN
+            type(turn_count), intent(inout) :: turns
+        end subroutine count_turns_about
+
+        !> Joint angles of samples that follow each other get the turns that they make on the straight way from one to the next.
+        module subroutine count_turns_on_way(model, q, qd, rate, assembly, variable, turns)
+            type(model_type), intent(in) :: model
+            real(wp), intent(in) :: q(:, :), qd(:, :)      !! (n_q, n)
+            real(wp), intent(in) :: rate(:, :)             !! of the joint variables (n_variable, n)
+            type(sample_assembly), intent(in) :: assembly  !! of the samples; empty: there is but one
+            real(wp), intent(inout) :: variable(:, :)      !! (n_variable, n); samples that failed are NaN
+            type(turn_count), intent(inout) :: turns       !! of the samples before, then of the last of these
+        end subroutine count_turns_on_way
+    end interface
 
 contains
 
@@ -258,11 +278,17 @@ contains
         integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
-        logical :: wants_rates, wants_driven, has_stand_ins, is_on_way, shares
+        real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
+        logical :: wants_rates, wants_driven, has_stand_ins, is_on_way, shares, counts_turns
 
         shares = model%share%n > 0 .and. (model%share%may_gape .or. associated(results%reaction))
         n = size(q, 2)
         n_all = max(n, solver%n_expected)
+        counts_turns = present(turns) .and. associated(results%joint_variable)
+        if (counts_turns .and. .not. (present(own) .or. associated(results%joint_rate))) then
+            allocate (own_rate(model%n_variable, n))
+            results%joint_rate => own_rate
+        end if
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_driven = associated(results%driving_position) .or. associated(results%driving_speed)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
@@ -320,12 +346,13 @@ contains
         end if
         if (present(trail) .and. results%lost_sample == 0 .and. associated(results%status)) call tell_undefined()
         if (results%lost_sample == 0 .and. allocated(holding)) call tell_locked()
-        if (present(turns) .and. associated(results%joint_variable)) then
+        if (counts_turns) then
             if (present(own)) then
-                call count_turns(own, results%joint_variable, turns)
+                call count_turns_about(own, results%joint_variable, turns)
             else
-                call count_turns(model, results%joint_variable, turns, q)
+                call count_turns_on_way(model, q, qd, results%joint_rate, assembly, results%joint_variable, turns)
             end if
+            if (allocated(own_rate)) nullify (results%joint_rate)
         end if
 
     contains

@@ -1,49 +1,157 @@
-!> Joint angles along a motion count their turns: from sample to sample an angle is taken that differs least.
+!> Joint angles along a motion count their turns.
 !>
-!> An angle that is a coordinate is what the coordinate is; the others begin within half a turn of zero.
+!> An angle that is a coordinate is what the coordinate is; the others begin within half a turn of zero. Who has followed the angles on
+!> their way, as a forward run does, says where they are about at each sample. Else they turn from sample to sample at the mean of
+!> their rates at both ends of the straight way between these (`turn_at_mean_rates`), where that can be believed; whoever calls looks
+!> closer where it cannot.
 module linkdyn_turns
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    use linkdyn_constants, only: two_pi
+    use linkdyn_constants, only: pi, two_pi
     use linkdyn_joint_table, only: wraps
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, is_length, scene_size
     use linkdyn_scene, only: joint_n_variable
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
-    public :: turn_count, count_turns
+    public :: turn_count, turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
 
-    !> The joint variables of the last sample that had any.
+    !> Steps of coordinates that are longer leave room for a turn between alike rates [rad, or the scene's size].
+    real(wp), parameter :: largest_step = pi/2
+
+    !> The last sample that had joint variables.
     type :: turn_count
-        real(wp), allocatable :: before(:)             !! (n_variable)
+        logical :: has_begun = .false.
+        real(wp), allocatable :: before(:)             !! joint variables (n_variable)
+        real(wp), allocatable :: about(:, :)           !! where angles of the next samples are; absent: nobody knows (n_variable, n)
+        ! ---- where nobody knows
+        real(wp), allocatable :: q(:), qd(:)           !! (n_q)
+        real(wp), allocatable :: rate(:)               !! of the joint variables (n_variable)
+        real(wp), allocatable :: branch(:)             !! its assembly, see `sample_assembly`; absent: there is but one
+        real(wp), allocatable :: set_out(:), place(:, :)
     end type turn_count
+
+    !> Joint variables that are angles of whole turns.
+    type :: turning_angles
+        integer, allocatable :: variable(:)            !! of all joint variables
+        integer, allocatable :: coordinate(:)          !! that it is; 0: none
+        real(wp), allocatable :: weight(:)             !! of the coordinates in steps: lengths over the scene's size (n_q) [1, 1/m]
+    end type turning_angles
 
 contains
 
-    !> Joint variables measured within half a turn, so that their angles count turns.
-    subroutine count_turns(model, variable, turns, q)
+    pure subroutine list_turning(model, angles)
         type(model_type), intent(in) :: model
-        real(wp), intent(inout) :: variable(:, :)      !! (n_variable, n); samples that failed are NaN
-        type(turn_count), intent(inout) :: turns
-        real(wp), intent(in), optional :: q(:, :)      !! of the model's coordinates (n_q, n); absent: from before
-        integer :: i, j, k, v
+        type(turning_angles), intent(out) :: angles
+        integer :: j, k, v
 
-        if (.not. allocated(turns%before)) allocate (turns%before(size(variable, 1)), source=0.0_wp)
+        allocate (angles%variable(0), angles%coordinate(0))
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 if (.not. wraps(model%joint(j)%told_kind, v)) cycle
-                k = 0
-                if (present(q)) k = coordinate_of(model, j, v)
-                associate (value => variable(model%joint(j)%first_variable + v, :), &
-                           before => turns%before(model%joint(j)%first_variable + v))
-                    do i = 1, size(value)
-                        if (.not. ieee_is_finite(value(i))) cycle
-                        if (k > 0) before = q(k, i)
-                        value(i) = value(i) - two_pi*anint((value(i) - before)/two_pi)
-                        before = value(i)
-                    end do
-                end associate
+                angles%variable = [angles%variable, model%joint(j)%first_variable + v]
+                angles%coordinate = [angles%coordinate, coordinate_of(model, j, v)]
             end do
         end do
-    end subroutine count_turns
+        allocate (angles%weight(model%n_q), source=1.0_wp)
+        do k = 1, model%n_q
+            if (is_length(model, k)) angles%weight(k) = 1/scene_size(model)
+        end do
+    end subroutine list_turning
+
+    !> The turns that a sample's angles have where they are about.
+    pure subroutine count_sample(angles, about, value, q)
+        type(turning_angles), intent(in) :: angles
+        real(wp), intent(in) :: about(:)               !! (n_variable) [rad]
+        real(wp), intent(inout) :: value(:)            !! joint variables (n_variable)
+        real(wp), intent(in), optional :: q(:)         !! coordinates, which have theirs; absent: they are about, too
+        real(wp) :: place
+        integer :: i
+
+        do i = 1, size(angles%variable)
+            associate (v => angles%variable(i), k => angles%coordinate(i))
+                place = about(v)
+                if (present(q)) place = merge(q(max(1, k)), place, k > 0)
+                value(v) = value(v) - two_pi*anint((value(v) - place)/two_pi)
+            end associate
+        end do
+    end subroutine count_sample
+
+    !> How far a step of the coordinates goes: the largest angle of it, a length over the scene's size.
+    pure real(wp) function size_of_step(angles, step) result(length)
+        type(turning_angles), intent(in) :: angles
+        real(wp), intent(in) :: step(:)                !! (n_q)
+
+        length = maxval(abs(step)*angles%weight)
+    end function size_of_step
+
+    !> How far angles turn on a straight step of the coordinates: at the mean of their rates at both ends. Rates are those of the
+    !> motion there, which leads along the step at one end at least.
+    !>
+    !> Believed where the step is a quarter turn at most, where rates differ by no more than a quarter turn, and where the angles
+    !> as they are measured agree to an eighth of a turn. A turn that all this overlooks would have to come and go within the step.
+    pure subroutine turn_at_mean_rates(angles, step, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
+        type(turning_angles), intent(in) :: angles
+        real(wp), intent(in) :: step(:)                          !! (n_q)
+        real(wp), intent(in) :: qd(:), qd_there(:)               !! at its beginning and end (n_q)
+        real(wp), intent(in) :: rate(:), rate_there(:)           !! likewise (n_variable)
+        real(wp), intent(in) :: value(:), value_there(:)         !! likewise, but for whole turns (n_variable)
+        real(wp), intent(out) :: turned(:)                       !! (n_variable) [rad]
+        logical, intent(out) :: is_sure
+        real(wp) :: duration(2), at_end(2)
+        integer :: i
+
+        turned = 0
+        is_sure = size_of_step(angles, step) <= largest_step
+        if (is_sure) call find_durations(step*angles%weight, qd*angles%weight, qd_there*angles%weight, duration, is_sure)
+        if (.not. is_sure) return
+        do i = 1, size(angles%variable)
+            if (angles%coordinate(i) > 0) cycle
+            associate (v => angles%variable(i))
+                at_end = [rate(v), rate_there(v)]*duration
+                turned(v) = at_end(1) + at_end(2)
+                if (all(duration /= 0)) is_sure = is_sure .and. abs(at_end(2) - at_end(1)) <= pi/4
+                is_sure = is_sure .and. abs(least_angle(value_there(v) - value(v) - turned(v))) <= pi/4
+            end associate
+        end do
+    end subroutine turn_at_mean_rates
+
+    !> How long each end's motion goes on to make a step: both together, or one alone where the motion turns back in between.
+    pure subroutine find_durations(step, qd, qd_there, duration, is_found)
+        real(wp), intent(in) :: step(:)                          !! (n_q)
+        real(wp), intent(in) :: qd(:), qd_there(:)               !! at both ends (n_q)
+        real(wp), intent(out) :: duration(2)                     !! [s]
+        logical, intent(out) :: is_found
+
+        duration = 0
+        is_found = .not. any(abs(step) > 0)
+        if (is_found) return
+        ! Ends that lead in opposite senses have no mean that means anything.
+        if (dot_product(step, qd)*dot_product(step, qd_there) >= 0) then
+            call compare(qd + qd_there, duration(1), is_found)
+            duration(2) = duration(1)
+        end if
+        if (.not. is_found) call compare(qd, duration(1), is_found)
+        if (is_found) return
+        duration(1) = 0
+        call compare(qd_there, duration(2), is_found)
+
+    contains
+
+        !> Rates that lead along the step.
+        pure subroutine compare(rate, duration, is_along)
+            real(wp), intent(in) :: rate(:)
+            real(wp), intent(out) :: duration
+            logical, intent(out) :: is_along
+            real(wp), parameter :: fair = 0.1_wp       !! of the step may lead elsewhere: of a quarter turn some degrees
+            real(wp) :: square
+
+            duration = 0
+            square = dot_product(rate, rate)
+            is_along = square > 0 .and. square <= huge(1.0_wp)
+            if (.not. is_along) return
+            duration = dot_product(step, rate)/square
+            is_along = norm2(step - duration*rate) <= fair*norm2(step)
+        end subroutine compare
+    end subroutine find_durations
 end module linkdyn_turns

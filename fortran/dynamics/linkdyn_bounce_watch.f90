@@ -19,7 +19,7 @@ module linkdyn_bounce_watch
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: bounce_watch, prepare_bounce_watch, look_at_end, note_start
+    public :: bounce_watch, prepare_bounce_watch, look_at_end, note_start, gains_of
 
     !> Rates and accelerations at an instant: of hinges and slides, then, in space, of links' turns.
     type :: motion_type
@@ -153,6 +153,17 @@ contains
             is_thrown_back = any(change > max(least, large*max(was, is), many*(now%t - before%t)*acceleration))
         end associate
     end function is_thrown_back
+
+    !> The largest rate that a unit rate of each coordinate makes. Needs columns.
+    function gains_of(model, state, watch) result(gain)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(bounce_watch), intent(in) :: watch
+        real(wp) :: gain(model%n_q)
+        integer :: k
+
+        gain = [(maxval(norm2(rates_at(model, state, watch, k), dim=1)), k=1, model%n_q)]
+    end function gains_of
 
     !> What is measured of the velocity, of the acceleration that is given, or of a column.
     function rates_at(model, state, watch, level) result(rate)

@@ -19,7 +19,7 @@ module linkdyn_coordinate_watch
     implicit none (type, external)
     private
     public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
-        is_well_past, dead_coordinate
+        is_well_past, dead_coordinate, largest_growth
 
     ! Of ratios, to what they were at best.
     real(wp), parameter :: largest_growth = 10      !! that a coordinate in use may have

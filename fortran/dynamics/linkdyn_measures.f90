@@ -12,11 +12,12 @@ module linkdyn_measures
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
+        measure_touch, &
         n_event, n_clutch, pulls_in_line
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, find_events, find_kept, follow_angle, measure_distance, measure_spring_length
+    public :: find_laws, find_measures, find_events, find_kept, measure_distance, measure_spring_length
     public :: spring_without_direction
 
 contains
@@ -82,20 +83,6 @@ contains
         end do
     end subroutine count_turns
 
-    !> A measure that wraps and its rate, with the turns that it had about here.
-    subroutine follow_angle(model, state, measure, about, value, rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: measure
-        real(wp), intent(in) :: about(lanes)           !! [rad]
-        real(wp), intent(out) :: value(lanes), rate(lanes)
-
-        associate (spec => model%scene%laws%measure(measure))
-            call measure_variable(model, state, spec%joint, spec%variable, about, value, rate)
-        end associate
-        value = value - two_pi*anint((value - about)/two_pi)
-    end subroutine follow_angle
-
     !> All measures, as the laws mean them: those of a similar mechanism at the size of the scene.
     subroutine find_measures(model, state, measure)
         type(model_type), intent(in) :: model
@@ -129,6 +116,9 @@ contains
         case (measure_spring)
             call measure_spring_length(model, model%scene%spring(spec%spring), state, value, rate)
             value = value - model%scene%spring(spec%spring)%rest
+        case (measure_touch)
+            value = state%touch(:, spec%stop)
+            rate = 0
         case default
             value = state%time
             rate = 1

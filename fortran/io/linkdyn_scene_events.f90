@@ -16,7 +16,7 @@ module linkdyn_scene_events
     use linkdyn_scene_laws, only: table_shelf
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_state_laws, only: add_joint_measure
+    use linkdyn_scene_state_laws, only: add_joint_measure, add_touch
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
@@ -250,7 +250,7 @@ contains
         type(state_law) :: law
         type(stop_spec) :: side
         type(spring_spec) :: spring
-        integer :: k, total, push
+        integer :: k, total, push, touch
 
         law%name = "stop "//quoted(name)
         total = 0
@@ -259,7 +259,9 @@ contains
             side = bumper
             side%side = side_of(k)
             side%bound = bound(k)
-            push = one_sided_force(law%formula, side, value, position, rate)
+            ! the sides were added last, in this order
+            call add_touch(size(scene%stop) - count(has(k + 1:)), shelf, touch)
+            push = one_sided_force(law%formula, side, value, position, rate, touch)
             if (k == 1) call add_node(law%formula, formula_node(node_negate, a=push))
             if (total > 0) call add_node(law%formula, formula_node(node_add, a=total, b=push))
             total = law%formula%n
@@ -276,14 +278,21 @@ contains
     end subroutine add_spring
 
     !> Stiffness times depth and damping times its rate, in contact and never a pull, as a node.
-    integer function one_sided_force(formula, bumper, value, position, rate) result(node)
+    integer function one_sided_force(formula, bumper, value, position, rate, touch) result(node)
         type(formula_type), intent(inout) :: formula
         type(stop_spec), intent(in) :: bumper
         real(wp), intent(in) :: value(2)               !! stiffness, damping
-        integer, intent(in) :: position, rate
-        integer :: deep, zero
+        integer, intent(in) :: position, rate, touch   !! measures
+        real(wp), parameter :: any_depth = 1.0e12_wp   !! [m, rad]
+        integer :: deep, is_touched, zero
 
         deep = depth(formula, bumper, position)
+        ! A run knows whether there is contact; who does not takes the depth.
+        call add_node(formula, formula_node(node_symbol, a=touch))
+        call add_node(formula, formula_node(node_number, number=any_depth))
+        call add_node(formula, formula_node(node_multiply, a=formula%n - 1, b=formula%n))
+        call add_node(formula, formula_node(node_add, a=deep, b=formula%n))
+        is_touched = formula%n
         call add_node(formula, formula_node(node_number, number=value(1)))
         call add_node(formula, formula_node(node_multiply, a=formula%n, b=deep))
         node = formula%n
@@ -294,7 +303,7 @@ contains
         call add_node(formula, formula_node(node_number, number=0.0_wp))
         zero = formula%n
         call add_node(formula, formula_node(node_max, a=zero - 1, b=zero))
-        call add_node(formula, formula_node(node_if, a=deep, b=formula%n, c=zero))
+        call add_node(formula, formula_node(node_if, a=is_touched, b=formula%n, c=zero))
         node = formula%n
     end function one_sided_force
 end module linkdyn_scene_events

@@ -9,7 +9,7 @@ module linkdyn_scene_state_laws
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, &
-        measure_time, measure_joint, measure_marker, measure_spring, law_over, law_table
+        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, law_over, law_table
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of
@@ -25,7 +25,8 @@ module linkdyn_scene_state_laws
     use linkdyn_variables, only: symbol_entry, formula_of_text
     implicit none (type, external)
     private
-    public :: read_measures, read_named_laws, read_force_law, read_spring_law, read_coordinate_measure, add_joint_measure
+    public :: read_measures, read_named_laws, read_force_law, read_spring_law, read_coordinate_measure, add_joint_measure, &
+        add_touch
 
     character(len=13), parameter :: over_key(9) = [character(len=13) :: "law", "table", "column", "over", "argument", &
         "interpolation", "period", "type", "at"]    ! the last two of actuators only
@@ -136,6 +137,16 @@ contains
         shelf%book%measure = [shelf%book%measure, measure]
         number = size(shelf%book%measure)
     end subroutine add_joint_measure
+
+    !> Whether a side of a soft stop is touched.
+    subroutine add_touch(stop, shelf, number)
+        integer, intent(in) :: stop
+        type(table_shelf), intent(inout) :: shelf
+        integer, intent(out) :: number                 !! of the measure
+
+        shelf%book%measure = [shelf%book%measure, measure_spec(kind=measure_touch, stop=stop)]
+        number = size(shelf%book%measure)
+    end subroutine add_touch
 
     !> Is the joint variable of a measure a coordinate, which counts turns?
     pure logical function is_coordinate(scene, measure)

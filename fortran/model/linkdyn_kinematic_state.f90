@@ -54,6 +54,7 @@ module linkdyn_kinematic_state
         real(wp) :: mode(lanes) = 0                           !! changes where a law jumps
         ! ---- PUSH of end stops at which joint variables rest, force of clutches
         real(wp), allocatable :: stop_force(:, :)             !! away from the stop [N, N m]          (lane, n_stop)
+        real(wp), allocatable :: touch(:, :)                  !! of stops' sides, see `measure_touch`  (lane, n_stop)
         real(wp), allocatable :: clutch_force(:, :)           !! of clutches, at their first variable [N, N m] (lane, n_clutch)
         ! ---- VELOCITY, world and link axes
         type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
@@ -82,6 +83,8 @@ contains
             allocate (state%law(lanes, size(model%scene%laws%law)))
             allocate (state%stop_force(lanes, n_stop(model%scene)))
             state%stop_force = 0
+            allocate (state%touch(lanes, n_stop(model%scene)))
+            state%touch = 0
             allocate (state%clutch_force(lanes, n_clutch(model%scene)))
             state%clutch_force = 0
             state%law = 0

@@ -28,7 +28,7 @@ module linkdyn_scene
     public :: law_polynomial_345, law_harmonic, law_table, law_over
     public :: measure_spec, state_law, law_book, takes_time
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
-    public :: measure_time, measure_joint, measure_marker, measure_spring
+    public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
@@ -70,6 +70,7 @@ module linkdyn_scene
     integer, parameter :: measure_joint = 2        !! a variable of a joint
     integer, parameter :: measure_marker = 3       !! a coordinate of a marker, world axes
     integer, parameter :: measure_spring = 4       !! of a spring: by how much it is longer than at rest
+    integer, parameter :: measure_touch = 5        !! of a side of a soft stop: 1 in contact, -1 apart, 0 where no run knows it
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
@@ -186,6 +187,7 @@ module linkdyn_scene
         integer :: marker = 0                     !! of the link; 0: its origin
         integer :: component = 0                  !! 1 2 3: x y z
         integer :: spring = 0
+        integer :: stop = 0                       !! side of one
         integer :: length_power = 0               !! of its dimension
     end type measure_spec
 

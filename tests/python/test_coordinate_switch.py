@@ -538,6 +538,20 @@ def test_nothing_is_thrown_back(name: str, end: float, method: str, tolerance: f
     assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=within)
 
 
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
+@pytest.mark.parametrize(("name", "coordinates"), [("fivebar_by_tip", ("r1.C.x", "r1.C.y")), ("hooke_by_angle", ("U.angle1", "U angle1", "U"))])
+def test_one_message_for_a_dead_point(name: str, coordinates: tuple[str, ...], method: str) -> None:
+    """However steps end there, by their shortness, by the energy that they would make or thrown back: one cause, with its name."""
+    settings = {"step": 1e-3} if method == "rk4" else {}
+    try:
+        run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, want="power", **settings)
+    except linkdyn.UnavailableError as error:
+        pytest.skip(f"a build without {method}: {error}")
+    stopped = run.attrs["stopped"]
+    assert "comes to its dead point, where it turns back" in stopped, stopped
+    assert any(f"coordinate '{each}'" in stopped for each in coordinates), stopped
+
+
 def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
     """The instant of the test above, by coordinates that have no dead point there."""
     scene = tomllib.loads((SCENES / "fivebar_by_tip.toml").read_text())

@@ -254,6 +254,25 @@ def test_a_soft_stop_in_closed_form():
     np.testing.assert_allclose(run.q.values[inside, 0], [0.3 + float(depth(mp.mpf(x) - mp.mpf(contact))) for x in t[inside]], rtol=0, atol=1e-10)
 
 
+def test_rk4_keeps_its_order_at_a_damped_stop():
+    """The force jumps where the damper is touched: steps end there, and no stage of them feels the other side. (Where the damper
+    lets go the force has a kink, at no event.)"""
+    scene = slide(
+        gravity=[0, 0],
+        coordinate=[{"joint": "h", "start": {"position": 0.0, "velocity": 1.3}}],
+        spring=[{"name": "spring", "joint": "h", "stiffness": 30.0}],
+        stop=[{"name": "wall", "joint": "h", "min": -0.07, "max": 0.11, "stiffness": 4000.0, "damping": 20.0}],
+    )
+
+    def errors(t_end):
+        want = scene.forward(t=[0.0, t_end], rtol=1e-12, atol=1e-12).q.values[-1, 0]
+        return [abs(scene.forward(t=[0.0, t_end], method="rk4", step=step).q.values[-1, 0] - want) for step in (5e-3, 2.5e-3, 1.25e-3)]
+
+    touched, bounced = errors(0.12), errors(0.5)
+    assert touched[0] < 1e-6 and touched[1] < touched[0] / 10 and touched[2] < touched[1] / 10, touched
+    assert bounced[0] < 1e-4, bounced
+
+
 def test_inverse_dynamics_has_the_force_of_a_soft_stop():
     scene = slide(
         gravity=[0, -GRAVITY],

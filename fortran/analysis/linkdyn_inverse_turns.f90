@@ -1,0 +1,151 @@
+!> Turns of joint angles along a batch: at the mean of the rates from sample to sample, and where these do not tell, along the way.
+submodule (linkdyn_inverse) linkdyn_inverse_turns
+    use linkdyn_assembly_trail, only: begin_trail, reached_anew
+    use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
+    implicit none (type, external)
+
+contains
+
+    module procedure count_turns_about
+        type(turning_angles) :: angles
+        integer :: i
+
+        call list_turning(model, angles)
+        do i = 1, size(variable, 2)
+            call count_sample(angles, turns%about(:, i), variable(:, i))
+        end do
+    end procedure count_turns_about
+
+    module procedure count_turns_on_way
+        type(turning_angles) :: angles
+        type(inverse_solver) :: solver                     ! of motion alone
+        type(inverse_options) :: options
+        type(status_type) :: status
+        real(wp) :: turned(size(variable, 1))
+        logical :: is_sure
+        integer :: i
+
+        call list_turning(model, angles)
+        if (size(angles%variable) == 0) return
+        do i = 1, size(variable, 2)
+            if (.not. all(abs(variable(:, i)) + abs(rate(:, i)) <= huge(1.0_wp))) cycle
+            if (.not. turns%has_begun) turns%before = 0*variable(:, i)
+            turned = 0
+            if (turns%has_begun .and. any(angles%coordinate == 0) .and. .not. is_anew(assembly, i)) then
+                call turn_at_mean_rates(angles, q(:, i) - turns%q, turns%qd, qd(:, i), turns%rate, rate(:, i), turns%before, &
+                                        variable(:, i), turned, is_sure)
+                if (.not. is_sure) then
+                    if (.not. associated(solver%pool)) then
+                        options%wants_forces = .false.
+                        options%by_record = .false.
+                        call prepare_inverse(model, options, .false., solver, status)
+                    end if
+                    call turn_on_way(model, solver, angles, turns, q(:, i), turned)
+                end if
+            end if
+            call count_sample(angles, turns%before + turned, variable(:, i), q(:, i))
+            call come_to_sample(i)
+        end do
+        if (associated(solver%pool)) call solver%free()
+
+    contains
+
+        subroutine come_to_sample(i)
+            integer, intent(in) :: i
+
+            turns%has_begun = .true.
+            turns%before = variable(:, i)
+            turns%rate = rate(:, i)
+            turns%q = q(:, i)
+            turns%qd = qd(:, i)
+            if (.not. allocated(assembly%branch)) return
+            turns%branch = assembly%branch(:, i)
+            if (.not. allocated(assembly%place)) return
+            turns%set_out = assembly%q(:, i)
+            turns%place = assembly%place(:, :, i)
+        end subroutine come_to_sample
+    end procedure count_turns_on_way
+
+    !> Was a sample reached from elsewhere than the last one?
+    pure logical function is_anew(assembly, i)
+        type(sample_assembly), intent(in) :: assembly
+        integer, intent(in) :: i
+
+        is_anew = .false.
+        if (allocated(assembly%reached)) is_anew = assembly%reached(i) == reached_anew
+    end function is_anew
+
+    !> How far angles turn on the straight way from the last sample, in pieces as short as need be. Where no pieces tell, 0: what is
+    !> nearest is taken.
+    subroutine turn_on_way(model, solver, angles, from, to, turned)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(turning_angles), intent(in) :: angles
+        type(turn_count), intent(in) :: from
+        real(wp), intent(in) :: to(:)                      !! (n_q)
+        real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
+        integer, parameter :: most = 4096                  !! pieces: in a quarter turn one of these turns an angle by less than a
+                                                           !! quarter turn wherever rates of 4000 are not exceeded
+        logical :: is_sure
+        integer :: n
+
+        n = 2*ceiling(size_of_step(angles, to - from%q)/largest_step)
+        do
+            call turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure)
+            if (is_sure .or. 2*n > most .or. is_interrupted()) exit
+            n = 2*n
+        end do
+        if (.not. is_sure) turned = 0
+    end subroutine turn_on_way
+
+    !> The same in so many pieces. Places in between at which the motion is not known are left out.
+    subroutine turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(turning_angles), intent(in) :: angles
+        type(turn_count), intent(in) :: from
+        real(wp), intent(in) :: to(:)                      !! (n_q)
+        integer, intent(in) :: n
+        real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
+        logical, intent(out) :: is_sure
+        real(wp), dimension(model%n_q, 0:n) :: q, qd, qdd
+        real(wp), dimension(model%n_variable, 0:n), target :: variable, rate
+        integer, target :: status(0:n)
+        real(wp) :: load(6, model%n_load, 0:n), piece(size(turned))
+        type(inverse_results) :: results
+        type(assembly_trail) :: trail
+        integer :: i, last
+
+        do i = 0, n
+            q(:, i) = from%q + (to - from%q)*(real(i, wp)/n)
+        end do
+        q(:, n) = to
+        qd = spread(to - from%q, 2, n + 1)
+        qdd = 0
+        load = 0
+        results%joint_variable(1:model%n_variable, 1:n + 1) => variable
+        results%joint_rate(1:model%n_variable, 1:n + 1) => rate
+        results%status(1:n + 1) => status
+        if (allocated(from%branch)) then
+            call begin_trail(model, trail)
+            trail%q = from%q
+            trail%branch = from%branch
+            if (allocated(from%place)) then
+                trail%q = from%set_out
+                trail%place = from%place
+            end if
+        end if
+        call run_prepared(model, solver, 1, q, qd, qdd, load, results, trail=trail)
+        turned = 0
+        last = 0
+        is_sure = all(status([0, n]) == sample_ok)
+        do i = 1, n
+            if (.not. is_sure) return
+            if (status(i) /= sample_ok) cycle
+            call turn_at_mean_rates(angles, q(:, i) - q(:, last), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+                                    variable(:, last), variable(:, i), piece, is_sure)
+            turned = turned + piece
+            last = i
+        end do
+    end subroutine turn_in_pieces
+end submodule linkdyn_inverse_turns

@@ -1,0 +1,96 @@
+"""Joint angles that are no coordinates count their turns, however far samples and instants of output lie apart."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkdyn
+from linkdyn.cli import executable
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+OK = 0
+
+
+def crank_rocker() -> dict[str, Any]:
+    """Its coupler falls back by a turn against the crank in each of the crank's; the crank goes round from 0.4 rad at 3 rad/s."""
+    joints = {"A": "frame.A crank.A", "B": "crank.B rod.B", "C": "rod.C rocker.C", "D": "frame.D rocker.D"}
+    links = {"crank": ("A", "B", 0.08), "rod": ("B", "C", 0.28), "rocker": ("D", "C", 0.2)}
+    return {
+        "space": "planar", "gravity": [0, -9.81], "time": {"end": 20.0, "samples": 2001},
+        "frame": {"markers": {"A": [0, 0], "D": [0.3, 0]}},
+        "link": [{"name": name, "markers": {a: [0, 0], b: [length, 0]}, "mass": 1.0, "cog": [length / 2, 0], "inertia": 0.01}
+                 for name, (a, b, length) in links.items()],
+        "joint": [{"name": name, "type": "revolute", "between": between.split()} for name, between in joints.items()],
+        "coordinate": [{"joint": "A", "motion": {"law": "constant-rate", "rate": 3.0, "start": 0.4}, "start": {"position": 0.4, "velocity": 3.0}}],
+        "actuator": [{"joint": "A", "law": {"type": "constant", "value": 0.0}}],
+    }
+
+
+def geared(ratio: int) -> dict[str, Any]:
+    """A wheel on the frame beside the crank, so many times as fast."""
+    scene = crank_rocker()
+    scene["frame"]["markers"]["W"] = [-0.2, 0]
+    scene["link"].append({"name": "wheel", "markers": {"W": [0, 0]}, "mass": 1.0, "inertia": 0.001})
+    scene["joint"] += [{"name": "W", "type": "revolute", "between": ["frame.W", "wheel.W"]},
+                       {"name": "G", "type": "gear", "between": ["crank.A", "wheel.W"], "teeth": [20 * ratio, 20]}]
+    return scene
+
+
+def angles(data: Any) -> np.ndarray:
+    assert np.all(data.status == OK)
+    return data.joint_variable.values
+
+
+@pytest.mark.parametrize("mechanism", [crank_rocker(), geared(1), geared(12)], ids=["coupler", "wheel", "fast wheel"])
+@pytest.mark.parametrize("samples", [11, 26, 101])
+def test_samples_far_apart(mechanism: dict[str, Any], samples: int) -> None:
+    """6, 2.4 and 0.6 rad apart: what is nearest to the sample before is another turn, of the coupler or of a wheel."""
+    fine = angles(linkdyn.Scene(mechanism).inverse(want="joint_variable"))
+    mechanism = mechanism | {"time": {"end": 20.0, "samples": samples}}
+    coarse = angles(linkdyn.Scene(mechanism).inverse(want="joint_variable"))
+    assert np.ptp(fine, axis=0).max() > 50, "there are turns"
+    np.testing.assert_allclose(coarse, fine[:: 2000 // (samples - 1)], rtol=0, atol=1e-9)
+
+
+def test_samples_at_rest(tmp_path: Path) -> None:
+    """Positions alone tell no rates: angles are followed along the straight way."""
+
+    def found(q: np.ndarray, name: str) -> np.ndarray:
+        (tmp_path / name).write_text("time,q J1\n" + "".join(f"{i},{at!r}\n" for i, at in enumerate(q.tolist())))
+        output = tmp_path / f"{name}.nc"
+        subprocess.run([executable(), "inverse", EXAMPLES / "fourbar" / "scene.toml", "--states", tmp_path / name, "-o", output, "-q"], check=True)
+        return angles(linkdyn.read(output))
+
+    fine = 0.5 - 0.02 * np.arange(1501)
+    reference = found(fine, "fine.csv")
+    assert np.ptp(reference, axis=0).max() > 25, "there are turns"
+    np.testing.assert_allclose(found(fine[::125], "coarse.csv"), reference[::125], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "rk4"])
+def test_instants_far_apart(method: str) -> None:
+    """A forward run's steps tell the turns, whatever instants are asked for; also of a coordinate that starts beyond half a turn."""
+    scene = linkdyn.Scene(geared(12))
+    settings = {"method": method} | ({"step": 0.01} if method == "rk4" else {"rtol": 1e-10, "atol": 1e-10})
+    fine = scene.forward(t=np.linspace(0.0, 6.0, 1201), **settings)
+    coarse = scene.forward(t=np.array([0.0, 1.5, 6.0]), **settings)
+    assert np.ptp(angles(fine), axis=0).max() > 100, "there are turns"
+    np.testing.assert_allclose(angles(coarse), angles(fine)[[0, 300, 1200]], rtol=0, atol=1e-6)
+
+
+def test_a_coordinate_has_its_turns() -> None:
+    """Where all joint angles are coordinates nothing is followed; they are what they are."""
+    pendulum: dict[str, Any] = {
+        "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"O": [0, 0]}},
+        "link": [{"name": "bar", "markers": {"O": [0, 0]}, "mass": 1.0, "cog": [0.5, 0], "inertia": 0.1}],
+        "joint": [{"name": "O", "type": "revolute", "between": ["frame.O", "bar.O"]}],
+        "coordinate": [{"joint": "O", "start": {"position": 9.0, "velocity": 20.0}}],
+    }
+    run = linkdyn.Scene(pendulum).forward(t=np.array([0.0, 1.0, 5.0]))
+    assert np.ptp(run.q.values) > 50, "there are turns"
+    np.testing.assert_allclose(run.joint_variable.values, run.q.values, rtol=0, atol=1e-12)
