@@ -54,7 +54,7 @@ run: $(PACKAGE)
 test: real128 browser
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
-check: real128 system-mpi
+check: real128 system-mpi browser
 	@$(VENV)/bin/python tools/check.py $(WAYS)
 
 check-%: real128

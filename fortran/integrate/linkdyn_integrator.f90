@@ -4,6 +4,7 @@ module linkdyn_integrator
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_crossings, only: step_taken, find_crossing, note_sides
     use linkdyn_gbs, only: gbs_method
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -448,6 +449,11 @@ contains
             n_jump = system%n_jump
             call self%gsl%take_step(self%t, t_end, h, solution, ok)
             call self%pause%note_work()
+            if (.not. ok .and. is_interrupted()) then
+                self%t = t_before
+                self%is_paused = .true.
+                exit
+            end if
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%t = t_before
                 self%failed = .true.

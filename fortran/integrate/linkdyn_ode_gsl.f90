@@ -5,6 +5,7 @@ module linkdyn_ode_gsl
     use, intrinsic :: iso_c_binding, only: c_double, c_int, c_size_t, c_long, c_char, c_ptr, c_funptr, c_null_char, &
         c_null_ptr, c_associated, c_loc, c_funloc, c_f_pointer
     use linkdyn_constants, only: two_pi
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -23,6 +24,7 @@ module linkdyn_ode_gsl
         real(wp), allocatable :: y(:, :), rate(:, :)      !! (lane, n)
         real(wp), allocatable :: base(:)                  !! what GSL's y counts from (n)
         integer :: n_evaluation = 0                       !! blocks evaluated
+        integer :: n_before_step = 0                      !! of these, before the step that is taken
     end type callback_frame
 
     !> An explicit method with an error estimate, by its steps.
@@ -140,6 +142,7 @@ contains
         logical, intent(in) :: again
 
         self%frame%base = y
+        self%frame%n_before_step = self%frame%n_evaluation
         way = 0
         error = 0
         failed = linkdyn_gsl_stepper_step(self%handle, t, step, way, error, rate) /= 0
@@ -200,6 +203,7 @@ contains
         real(wp), intent(inout) :: y(:)
         logical, intent(out) :: ok                     !! false: no step can be taken; t and y are as before
 
+        self%frame%n_before_step = self%frame%n_evaluation
         ok = linkdyn_gsl_ode_step(self%handle, t, t_end, h, y) == 0
     end subroutine take_step
 
@@ -253,12 +257,23 @@ contains
         logical :: failed
 
         call c_f_pointer(context, frame)
+        code = 1
+        if (is_given_up(frame)) return
         associate (n => frame%system%n)
             call frame%system%evaluate_alone(t, frame%base + y(:n), rate(:n), failed)
         end associate
         frame%n_evaluation = frame%n_evaluation + 1
         code = merge(1_c_int, 0_c_int, failed)
     end function rates
+
+    !> Is a step that somebody wants to end longer on its way than one is that comes to an end? msbdf tries again within itself.
+    logical function is_given_up(frame)
+        type(callback_frame), intent(in) :: frame
+        integer, parameter :: evaluations_a_step = 4
+
+        is_given_up = .false.
+        if (frame%n_evaluation - frame%n_before_step > evaluations_a_step) is_given_up = is_interrupted()
+    end function is_given_up
 
     !> Central differences, two lanes a column; the last pair is the derivative in time.
     function jacobian(t, y, derivative, in_time, context) bind(c) result(code)
@@ -276,6 +291,8 @@ contains
         call c_f_pointer(context, frame)
         n = frame%system%n
         n_pair = max(1, lanes/2)
+        code = 1
+        if (is_given_up(frame)) return
         code = 0
         do first = 1, n + 1, n_pair
             call perturb(0)
