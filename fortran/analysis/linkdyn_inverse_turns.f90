@@ -86,10 +86,14 @@ contains
         real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
         integer, parameter :: most = 4096                  !! pieces: in a quarter turn one of these turns an angle by less than a
                                                            !! quarter turn wherever rates of 4000 are not exceeded
+        real(wp) :: n_piece
         logical :: is_sure
         integer :: n
 
-        n = 2*ceiling(size_of_step(angles, to - from%q)/largest_step)
+        turned = 0
+        n_piece = 2*size_of_step(angles, to - from%q)/largest_step
+        if (.not. n_piece <= most) return              ! a way so long, or to no place at all
+        n = 2*ceiling(n_piece/2)
         do
             call turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure)
             if (is_sure .or. 2*n > most .or. is_interrupted()) exit
