@@ -725,7 +725,8 @@ contains
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
         ! However the steps have come to their end, by what they lost or by how short they became: this is why.
         stalled = 0
-        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
+        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
+                   .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
             stalled = run%system%stalled_coordinate(run%good_until, run%y)
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
@@ -748,8 +749,7 @@ contains
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
-        else if (run%system%control%state%blind > 0 .and. &
-                 .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])) then
+        else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
         else
@@ -776,6 +776,14 @@ contains
             reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> Has a controller nothing to put out, where the mechanism itself could go on?
+    pure logical function has_blind_controller(run)
+        type(forward_run), intent(in) :: run
+
+        has_blind_controller = run%system%control%state%blind > 0 .and. &
+            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
+    end function has_blind_controller
 
     !> What may be at fault of a method that does not shorten its steps for it; blank of others.
     function too_long_in_words(run) result(text)

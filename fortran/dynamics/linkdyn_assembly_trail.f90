@@ -29,7 +29,7 @@ module linkdyn_assembly_trail
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_stride, only: stride_type, make_stride, is_step_short, is_close
+    use linkdyn_stride, only: stride_type, make_stride, is_close
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
     use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: with_turns
@@ -344,9 +344,6 @@ contains
         end do
         call evaluate_places(model, at, way, trail, margin, drift, rate, is_closed)
         is_believed = is_closed
-        do lane = 2, n
-            is_believed(lane) = is_believed(lane) .and. is_step_short(model, way(lane - 1, :))
-        end do
         ! Rates are those of the way to the next place; back along the way to a place they are led by as much of them as that
         ! way lies along it.
         back = 0

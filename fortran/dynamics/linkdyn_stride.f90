@@ -9,10 +9,10 @@ module linkdyn_stride
     use linkdyn_kinds, only: wp
     use linkdyn_link_place, only: motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, link_freedom, scene_size, stride_part
+    use linkdyn_model, only: model_type, link_freedom, scene_size
     implicit none (type, external)
     private
-    public :: stride_type, make_stride, is_step_short, is_step_believed, is_close
+    public :: stride_type, make_stride, is_step_believed, is_close
 
     !> The first sample is that from which the stride sets out.
     type :: stride_type
@@ -88,7 +88,7 @@ contains
         integer, intent(in) :: i
         real(wp) :: back
 
-        is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i) .and. is_step_short(model, stride%way(:, i - 1))
+        is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
         if (.not. is_believed) return
         back = share_along(stride%way(:, i - 1), stride%way(:, i))
         is_believed = is_step_believed(model%least_margin, stride%margin(:, i - 1), stride%drift(:, i - 1), &
@@ -100,19 +100,6 @@ contains
                                    min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
     end function is_sample_believed
-
-    !> Is a step so short that margins tell of its ends what lies between?
-    !>
-    !> The margin of a parallelogram goes as the sine of its crank's angle. From a before its zero its tangent, led on by half as much
-    !> again as the step h, shows that zero where tan a < 1.5 h, for all a up to h if h < 0.96. Half of that leaves room for
-    !> loops that move twice as fast as the coordinate.
-    pure logical function is_step_short(model, way)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: way(:)               !! (n_q)
-        real(wp), parameter :: longest = 0.48_wp/stride_part
-
-        is_step_short = all(abs(way) <= longest*model%stride)
-    end function is_step_short
 
     !> Does no margin vanish within a step, nor at its end?
     pure logical function is_step_believed(least, margin, drift, margin_there, drift_there) result(is_believed)
