@@ -134,7 +134,7 @@ def test_tolerances_of_a_row_of_parallelograms() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("tolerance", [1.11e-9, 1e-12, 1.03e-12, 1.07e-12, 1.09e-12])
+@pytest.mark.parametrize("tolerance", [1.11e-9, 1.03e-12])
 def test_no_sample_is_lost_where_a_step_ends(tolerance: float) -> None:
     """An instant that no step from afar could reach was called singular though the next step ended there, unless the run had
     come back for want of time in between: one or two samples of these runs, other ones on each machine."""
