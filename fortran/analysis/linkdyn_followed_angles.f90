@@ -47,10 +47,10 @@ contains
     !> All joint variables that are angles of whole turns; those that are no coordinates begin within half a turn of zero.
     subroutine prepare_joint_angles(model, angles)
         type(model_type), intent(in) :: model                  !! with the coordinates that results are told in
-        type(followed_angles), intent(inout) :: angles
+        type(followed_angles), intent(out) :: angles
         integer :: j, v
 
-        angles = followed_angles(joint=[integer ::], variable=[integer ::], place=[integer ::], counts=[logical ::])
+        allocate (angles%joint(0), angles%variable(0), angles%place(0), angles%counts(0))
         allocate (angles%angle(lanes, model%n_variable), angles%spin(lanes, model%n_variable), source=0.0_wp)
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
