@@ -8,6 +8,7 @@ module linkdyn_lane_kernels
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, part_type, orientation_of, link_freedom, gives_attitude
     use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_same_lanes, only: is_same_on_all
     use linkdyn_scene_program, only: scene_program, program_space
     use linkdyn_step_kernels, only: step_kernels, kernel_space, borrow_kernels, return_kernels, need_kernel, place_numbers_of, &
         rate_numbers_of
@@ -143,7 +144,7 @@ contains
             call make_room(sum(program%input%n), space%x)
             call make_room(program%program%n_output, found)
             call collect_inputs(model, model%step(use%step), model%part(use%step), program, state, level, ahead, space%x)
-            if (is_same_on_all(space%x)) then
+            if (is_same_on_all(size(space%x, 2), space%x)) then
                 ! a run on its own has the same on all lanes
                 if (space%one(which)%lanes == 0) call make_space(program%program, .true., space%one(which)%block)
                 space%one(which)%lanes = 1
@@ -170,17 +171,6 @@ contains
         end if
         allocate (x(lanes, n))
     end subroutine make_room
-
-    pure logical function is_same_on_all(x)
-        real(wp), intent(in) :: x(:, :)                  !! (lane, number)
-        integer :: k
-
-        is_same_on_all = .false.
-        do k = 1, size(x, 2)
-            if (.not. all(x(2:, k) == x(1, k))) return
-        end do
-        is_same_on_all = .true.
-    end function is_same_on_all
 
     !> Lanes first, ..., first + n - 1.
     subroutine run_lanes(program, space, first, n, x, found)
