@@ -5,13 +5,12 @@
 !> are so short that their errors are small, and a turn more or less would need rates quite different in between.
 module linkdyn_followed_angles
     use linkdyn_constants, only: two_pi
-    use linkdyn_joint_rates, only: coordinate_of, measure_one_joint, measure_variable
-    use linkdyn_joint_table, only: wraps
+    use linkdyn_joint_rates, only: measure_one_joint, measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: joint_n_variable
+    use linkdyn_turns, only: turning_angles, list_turning
     implicit none (type, external)
     private
     public :: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, angles_about, angles_at
@@ -48,19 +47,14 @@ contains
     subroutine prepare_joint_angles(model, angles)
         type(model_type), intent(in) :: model                  !! with the coordinates that results are told in
         type(followed_angles), intent(out) :: angles
-        integer :: j, v
+        type(turning_angles) :: turning
 
-        allocate (angles%joint(0), angles%variable(0), angles%place(0), angles%counts(0))
+        call list_turning(model, turning)
+        angles%joint = turning%joint
+        angles%variable = turning%of_joint
+        angles%place = turning%variable
+        angles%counts = turning%coordinate > 0
         allocate (angles%angle(lanes, model%n_variable), angles%spin(lanes, model%n_variable), source=0.0_wp)
-        do j = 1, model%n_joint
-            do v = 1, joint_n_variable(model%joint(j)%told_kind)
-                if (.not. wraps(model%joint(j)%told_kind, v)) cycle
-                angles%joint = [angles%joint, j]
-                angles%variable = [angles%variable, v]
-                angles%place = [angles%place, model%joint(j)%first_variable + v]
-                angles%counts = [angles%counts, coordinate_of(model, j, v) > 0]
-            end do
-        end do
     end subroutine prepare_joint_angles
 
     !> Is there an angle to follow?

@@ -33,6 +33,8 @@ module linkdyn_turns
 
     !> Joint variables that are angles of whole turns.
     type :: turning_angles
+        integer, allocatable :: joint(:)               !! whose they are
+        integer, allocatable :: of_joint(:)            !! which of its variables
         integer, allocatable :: variable(:)            !! of all joint variables
         integer, allocatable :: coordinate(:)          !! that it is; 0: none
         real(wp), allocatable :: weight(:)             !! of the coordinates in steps: lengths over the scene's size (n_q) [1, 1/m]
@@ -45,10 +47,12 @@ contains
         type(turning_angles), intent(out) :: angles
         integer :: j, k, v
 
-        allocate (angles%variable(0), angles%coordinate(0))
+        allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0))
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 if (.not. wraps(model%joint(j)%told_kind, v)) cycle
+                angles%joint = [angles%joint, j]
+                angles%of_joint = [angles%of_joint, v]
                 angles%variable = [angles%variable, model%joint(j)%first_variable + v]
                 angles%coordinate = [angles%coordinate, coordinate_of(model, j, v)]
             end do
