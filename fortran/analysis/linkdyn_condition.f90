@@ -34,6 +34,7 @@ module linkdyn_condition
         integer :: n = 0                                        !! equations
         type(equation_kernels), pointer :: kernels => null()    !! the matrix
         type(lane_program) :: pose, solve, solve_transposed     !! not made: no pivots serve
+        integer, allocatable :: given(:)                        !! blocks that these take beside the motion, and beside what they find
     end type condition_type
 
     !> Solutions on a block of lanes.
@@ -78,6 +79,8 @@ contains
         condition%kernels%wants_right = .false.
         call need_matrix(model, condition%kernels)
         condition%n = condition%kernels%form%n
+        allocate (condition%given(0))
+        call note_given(condition%kernels%matrix, condition%given)
         call representative_motions(model, has_columns(model, choice), sample)
         if (sample%n == 0) return
         call make_inverse_matrix(model, choice, sample, condition%pose%program, condition%solve%program, &
@@ -86,7 +89,24 @@ contains
         call prepare_lanes(model, has_columns(model, choice), condition%pose)
         call prepare_lanes(model, has_columns(model, choice), condition%solve)
         call prepare_lanes(model, has_columns(model, choice), condition%solve_transposed)
+        call note_given(condition%pose, condition%given)
+        call note_given(condition%solve, condition%given)
+        call note_given(condition%solve_transposed, condition%given)
     end subroutine make_condition
+
+    !> What a kernel takes that only its user knows, such as masses of payloads.
+    subroutine note_given(lane, given)
+        type(lane_program), intent(in) :: lane
+        integer, allocatable, intent(inout) :: given(:)    !! blocks
+        integer :: k
+
+        do k = 1, size(lane%program%input)
+            associate (block => lane%program%input(k)%block)
+                if (any(block == [in_motion, in_found, in_unknown, in_transposed, given])) cycle
+                given = [given, block]
+            end associate
+        end do
+    end subroutine note_given
 
     !> Nobody may be using it.
     subroutine free_condition(condition)
@@ -130,10 +150,9 @@ contains
         type(condition_space), intent(inout) :: space
         integer :: k
 
-        call copy_given(condition%kernels%matrix, given, space%inverse%numbers)
-        call copy_given(condition%pose, given, space%inverse%numbers)
-        call copy_given(condition%solve, given, space%inverse%numbers)
-        call copy_given(condition%solve_transposed, given, space%inverse%numbers)
+        do k = 1, size(condition%given)
+            space%inverse%numbers%of(condition%given(k))%x = given%of(condition%given(k))%x
+        end do
         call run_on_lanes(condition%kernels%matrix, lanes, state, space%inverse%numbers, space%of_matrix)
         associate (form => condition%kernels%form, found => space%of_matrix%found, numbers => space%inverse%numbers)
             do k = 1, size(form%row)
@@ -153,22 +172,6 @@ contains
             space%inverse%is_loaded = .false.
         end associate
     end subroutine eliminate_block
-
-    !> What a kernel takes beside the motion, and beside what is found here: masses of payloads.
-    subroutine copy_given(lane, given, numbers)
-        type(lane_program), intent(in) :: lane
-        type(lane_numbers), intent(in) :: given
-        type(lane_numbers), intent(inout) :: numbers
-        integer :: k
-
-        if (.not. lane%program%is_made) return
-        do k = 1, size(lane%program%input)
-            associate (block => lane%program%input(k)%block)
-                if (any(block == [in_motion, in_found, in_unknown, in_transposed])) cycle
-                numbers%of(block)%x = given%of(block)%x
-            end associate
-        end do
-    end subroutine copy_given
 
     !> One solution at the poses of the block.
     subroutine solve_on_lanes(self, is_transposed, x)
