@@ -3,8 +3,8 @@
 submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_clutch_states, only: share_load, set_guard
     use linkdyn_contact_forces, only: solve_contacts
-    use linkdyn_followed_angles, only: angles_about
     use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip
+    use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, rates_held, slips, speed_of_sides, push_coordinates, still_rates
     use linkdyn_measures, only: find_kept
     use linkdyn_motor_laws, only: is_on

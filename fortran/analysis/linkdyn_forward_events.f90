@@ -3,9 +3,9 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_clutch_friction, only: reserve
     use linkdyn_clutch_states, only: switch_clutches
-    use linkdyn_followed_angles, only: angles_about
     use linkdyn_event_log, only: add_entry, kind_crossing, kind_end, kind_contact, kind_release
     use linkdyn_exchange, only: coordinate_now
+    use linkdyn_followed_angles, only: angles_about
     use linkdyn_forward_state, only: read_coordinates
     use linkdyn_held_variables, only: away_from_stops
     use linkdyn_measures, only: find_events

@@ -2,8 +2,8 @@
 submodule (linkdyn_forward_system) linkdyn_forward_stops
     use linkdyn_clutch_states, only: set_guard
     use linkdyn_contact_forces, only: solve_contacts, solve_held
-    use linkdyn_followed_angles, only: angles_about
     use linkdyn_event_log, only: kind_release, kind_impact, kind_rest, kind_slip
+    use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, away_from_stops, slips, push_coordinates, still_rates
     use linkdyn_impacts, only: find_impacts, find_resting
     use linkdyn_measures, only: find_events

@@ -26,9 +26,9 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, renew_equations, &
         free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
+    use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
         follow_angles, angles_at
-    use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver

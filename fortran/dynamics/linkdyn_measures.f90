@@ -12,8 +12,7 @@ module linkdyn_measures
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
-        measure_touch, &
-        n_event, n_clutch, pulls_in_line
+        measure_touch, n_event, n_clutch, pulls_in_line
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private

@@ -200,7 +200,6 @@ class RunTemplate:
             data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
         return data
 
-
     def _over_time(self, variables: dict[str, Any]) -> xr.Dataset:
         coordinates = self._coordinates | time_axis(*variables.pop("time"))
         return xr.Dataset(variables, coordinates)
