@@ -28,7 +28,7 @@ module linkdyn_forward
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
         stop_growth, stop_roughness, stop_pace, stop_law, stop_event
-    use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_joint_table, only: is_geared
@@ -363,7 +363,9 @@ contains
         n_passed(0) = run%n_passed
         first = 0
         do i = 1, size(t)
+            if (run%options%listens) call start_listening()
             if (.not. run%has_stopped) call go_to(run, t(i))
+            if (run%options%listens) call stop_listening()
             if (.not. (run%has_stopped .or. run%integrator%is_paused)) call stop_where_passed(run, t(i))
             if (run%integrator%is_paused) exit
             if (run%is_over) then

@@ -28,6 +28,7 @@ module linkdyn_forward_phase
         integer :: threads = 1
         logical :: events_end = .true.                 !! an event whose `do` is "stop" ends the run; false: it is noted
         logical :: by_record = .true.                  !! rates by a record of the scene, where it has one; false: by lanes alone
+        logical :: listens = .false.                   !! Ctrl-C of the program that called us is a pause, too
     end type forward_options
 
     type :: forward_phase

@@ -584,6 +584,7 @@ contains
             options%t_start = t_start
             options%integrator%span = t_end - t_start
             options%switches = switches == 1
+            options%listens = .true.
             options%threads = threads
             options%wants_reactions = wanted%reaction
             options%wants_rcond = wanted%rcond
@@ -781,7 +782,9 @@ contains
         if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) then
+            call start_listening()
             if (is_ahead(here)) call here%is%step(t_end, force, status)
+            call stop_listening()
             if (allocated(here%is%integrator)) call here%is%read(t, q, qd)
         end if
         call leave_simulator(simulator_handle, here)

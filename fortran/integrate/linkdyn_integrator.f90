@@ -452,6 +452,7 @@ contains
             if (.not. ok .and. is_interrupted()) then
                 self%t = t_before
                 self%is_paused = .true.
+                call self%gsl%reset()
                 exit
             end if
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then

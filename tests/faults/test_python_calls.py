@@ -22,6 +22,7 @@ import numpy as np
 import linkdyn
 platform = linkdyn.load({str(ROOT / "examples" / "stewart_tsai" / "scene.toml")!r})
 chain = linkdyn.load({str(ROOT / "examples" / "n_fourbar" / "scene_40.toml")!r})
+far = linkdyn.load({str(ROOT / "tests" / "scenes" / "fivebar_by_gears_3d.toml")!r}).with_({{"coordinate.B.angle1.motion.amplitude": 2**31}})
 stiff = linkdyn.load({str(ROOT / "tests" / "python" / "scenes" / "stiff_spring.toml")!r}).with_({{"spring.S5.stiffness": 1e9}})
 """
 BATCH = "np.repeat(platform.motion(0.5)[0], 30_000_000 // 6, axis=0)"
@@ -35,6 +36,7 @@ CALLS = {
     "ensemble, stiff spring": "stiff.ensemble(np.zeros((64, 1)), np.full((64, 1), 6.0), [0, 5], step=1e-8)",
     "forward": "chain.forward(1e6)",
     "forward, stiff spring": "stiff.forward(t=[0, 5], method='gbs')",
+    "forward, within a step": "far.forward(method='msbdf')",
     "sweep": "platform.sweep({'chunk': 2**20, 'axis': [{'coordinate': 'platform.x', 'linspace': [-1.6, -1.4, 10**8]}]}, solver='lapack')",
     "study": "platform.study(1e5)",
 }
@@ -80,6 +82,24 @@ def test_a_handler_that_goes_on(tmp_path):
             got.append(platform.solve(q, solver="lapack"))
         assert all(np.array_equal(one["driving_force"], want) and not one["status"].any() for one in got)
         assert signal.getsignal(signal.SIGINT) is not signal.SIG_DFL
+        print("went on", len(seen) > 0)
+    """)
+    assert result.stdout == "went on True\n", result
+
+
+def test_a_handler_that_goes_on_during_a_run():
+    """The run pauses where it is, and comes to its end."""
+    result = python("""
+        seen = []
+        signal.signal(signal.SIGINT, lambda number, frame: seen.append(number))
+        want = chain.forward(3.0, method="gbs")
+        timers = [threading.Timer(0.03 * k, os.kill, (os.getpid(), signal.SIGINT)) for k in range(1, 9)]
+        for timer in timers:
+            timer.start()
+        while any(timer.is_alive() for timer in timers):
+            got = chain.forward(3.0, method="gbs")
+            assert got.sizes == want.sizes and not got["status"].any(), got
+            assert np.allclose(got["q"], want["q"], rtol=1e-6, atol=1e-6) and got.stopped == "", abs(got["q"] - want["q"]).max()
         print("went on", len(seen) > 0)
     """)
     assert result.stdout == "went on True\n", result
