@@ -7,14 +7,14 @@ module linkdyn_kinematic_pass
     use linkdyn_group_closing, only: move_loop
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, run_kernel, set_places, set_rates
     use linkdyn_model, only: model_type, step_type, step_pose, step_csp, step_group, is_dyad, link_freedom
     use linkdyn_newton_group, only: close_group
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
-    use linkdyn_step_kernels, only: of_places, of_velocities, of_accelerations
+    use linkdyn_step_kernels, only: of_places, of_velocities, of_accelerations, of_way
     use linkdyn_vec3, only: operator(.unrotate.)
     implicit none (type, external)
     private
@@ -31,6 +31,7 @@ contains
         integer :: i
 
         call clear_flags(state)
+        state%has_margins = state%n_column == velocities_only
         is_sure = .true.
         do i = 1, size(model%step)
             is_sure = is_sure .and. model%step(i)%kind /= step_group
@@ -100,9 +101,15 @@ contains
 
         call begin_use(model, step%number, state, use)
         associate (part => model%part(step%number))
+            if (is_dyad(step%kind) .and. state%n_column == velocities_only) then
+                call run_kernel(model, use, of_way, state, found, level_velocity)
+                call take_way(model, step, use, found, state)
+                call end_use(use)
+                return
+            end if
             call run_kernel(model, use, of_places, state, found)
             call take_places(model, use, found, state)
-            if (is_dyad(step%kind) .or. step%kind == step_csp) then
+            if (step%kind == step_csp) then
                 call close_loop(model, use, state)
             else
                 call run_kernel(model, use, of_velocities, state, found, level_velocity)
@@ -116,6 +123,7 @@ contains
                     call set_rates(model, part, level_given, found, state)
                 end if
                 if (step%kind == step_pose) call set_pose_columns(model, step, state)
+                if (is_dyad(step%kind)) state%singular = state%singular .or. .not. (is_determined(found) .or. state%unreachable)
             end if
         end associate
         call end_use(use)
@@ -150,7 +158,37 @@ contains
         end associate
     end subroutine take_places
 
-    !> How the links of a dyad or a CSP group move. At a dead point itself that is not determined.
+    !> A dyad on a way: where its links are, how they move, its margin.
+    subroutine take_way(model, step, use, found, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kernel_use), intent(in) :: use
+        real(wp), intent(in) :: found(:, :)              !! (lane, number)
+        type(kinematic_state), intent(inout) :: state
+        integer :: n, n_place
+
+        n = size(found, 2) - 2
+        n_place = n - 2*link_freedom(model)
+        call take_places(model, use, found(:, :n_place), state)
+        call set_rates(model, model%part(use%step), level_velocity, found(:, n_place + 1:n), state)
+        if (.not. step%has_branches) return
+        state%margin(:, step%first) = found(:, n + 1)
+        state%drift(:, step%first) = found(:, n + 2)
+    end subroutine take_way
+
+    !> At a dead point itself no motion is.
+    pure function is_determined(found)
+        real(wp), intent(in) :: found(:, :)              !! (lane, number)
+        logical :: is_determined(lanes)
+        integer :: k
+
+        is_determined = .true.
+        do k = 1, size(found, 2)
+            is_determined = is_determined .and. abs(found(:, k)) <= huge(1.0_wp)
+        end do
+    end function is_determined
+
+    !> How the links of a CSP group move. At a dead point itself that is not determined.
     subroutine close_loop(model, use, state)
         type(model_type), intent(in) :: model
         type(kernel_use), intent(in) :: use

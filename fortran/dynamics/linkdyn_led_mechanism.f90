@@ -13,8 +13,8 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, link_freedom, &
-        place_size, repeats, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, is_dyad, &
+        link_freedom, place_size, repeats, gives_attitude, attitude_angles
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_newton_group, only: shifted
     use linkdyn_planar_motion, only: level_velocity
@@ -369,7 +369,13 @@ contains
         drift = 0
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (step%has_branches) call closed_margin(model, step, state, margin(:, step%first), drift(:, step%first))
+                if (.not. step%has_branches) cycle
+                if (state%has_margins .and. is_dyad(step%kind)) then
+                    margin(:, step%first) = state%margin(:, step%first)
+                    drift(:, step%first) = state%drift(:, step%first)
+                else
+                    call closed_margin(model, step, state, margin(:, step%first), drift(:, step%first))
+                end if
             end associate
         end do
         if (size(model%group) == 0) return

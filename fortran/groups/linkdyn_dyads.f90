@@ -15,6 +15,7 @@ module linkdyn_dyads
     implicit none (type, external)
     private
     public :: place_dyad, find_ways
+    public :: half_type, half_of, outer_point, left_of
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are products, relative to the lengths in them
 

@@ -34,6 +34,9 @@ module linkdyn_kinematic_state
         real(wp) :: time(lanes) = 0                           !! the instant [s]
         real(wp), allocatable :: payload(:, :)                !! masses that links carry [kg]         (lane, n_payload)
         real(wp), allocatable :: branch(:, :)                 !! of the closed forms, +1 or -1        (lane, n_branch)
+        ! ---- HOW CLOSED FORMS CLOSE, of dyads where accelerations were not wanted: see `closed_margin`
+        logical :: has_margins = .false.
+        real(wp), allocatable :: margin(:, :), drift(:, :)    !!                                      (lane, n_branch)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
@@ -79,7 +82,8 @@ contains
                       state%slide(lanes, most_slides, size(model%joint)), &
                       state%turns(lanes, n_q), state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
-                      state%branch(lanes, model%n_branch))
+                      state%branch(lanes, model%n_branch), state%margin(lanes, model%n_branch), &
+                      state%drift(lanes, model%n_branch))
             allocate (state%law(lanes, size(model%scene%laws%law)))
             allocate (state%stop_force(lanes, n_stop(model%scene)))
             state%stop_force = 0

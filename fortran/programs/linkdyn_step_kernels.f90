@@ -1,8 +1,8 @@
 !> The steps of a plan as kernels that hold no numbers: steps that differ in these alone, of one scene or of many, share them.
 !>
-!> Links behind joints whose variables are known, and legs, have formulas for where they are and how they move. Of dyads and CSP
-!> groups formulas tell where they are, of groups closed by iteration nothing does; how these move follows from what their joints ask
-!> of them, linear equations, of which the kernels tell the entries: whoever runs them solves them with pivots of his own.
+!> Links behind joints whose variables are known, legs and dyads have formulas for where they are and how they move. Of CSP groups
+!> formulas tell where they are, of groups closed by iteration nothing does; how these move follows from what their joints ask of
+!> them, linear equations, of which the kernels tell the entries: whoever runs them solves them with pivots of his own.
 !>
 !> A kernel is traced when it is wanted first, and serves all threads from then on. Those that nobody has used for long make room
 !> for others.
@@ -10,6 +10,7 @@ module linkdyn_step_kernels
     use linkdyn_attitude, only: rotation_in_plane
     use linkdyn_bodies, only: world_axes, set_vector, point_position, point_velocity, point_acceleration, omega_of, alpha_of
     use linkdyn_certainty, only: closing_quality
+    use linkdyn_dyad_motion, only: move_dyad
     use linkdyn_dyads, only: find_ways
     use linkdyn_elimination, only: sparse_row
     use linkdyn_equation_programs, only: matrix_form, list_entries
@@ -37,7 +38,8 @@ module linkdyn_step_kernels
     private
     public :: step_kernels, kernel_space, borrow_kernels, return_kernels, need_kernel
     public :: place_numbers_of, rate_numbers_of
-    public :: of_errors, of_velocities, of_accelerations, of_looks, of_places, of_ways, of_margins, of_quality
+    public :: of_errors, of_velocities, of_accelerations, of_looks, of_places, of_ways, of_margins, of_quality, &
+        of_way
 
     ! ---- the kernels
     integer, parameter :: of_places = 1        !! of the step's links; slides of its joints; what is negative where loops cannot close
@@ -48,7 +50,8 @@ module linkdyn_step_kernels
     integer, parameter :: of_ways = 6          !! of a dyad: determinant of its ways, product, product of the lengths
     integer, parameter :: of_margins = 7       !! of a closed form with two ways to close: margin and its rate
     integer, parameter :: of_quality = 8       !! of dyads and CSP groups: see `linkdyn_certainty`
-    integer, parameter :: n_kernel = 8
+    integer, parameter :: of_way = 9           !! of a dyad: places, velocities and margins at once
+    integer, parameter :: n_kernel = 9
 
     integer, parameter :: most_kept = 512      !! steps that are different but for their numbers
 
@@ -186,7 +189,7 @@ contains
         logical :: is_loop
 
         call take_step(model, i, part)
-        is_loop = closes_loop(model%step(i))
+        is_loop = closes_loop(model%step(i)) .and. .not. is_dyad(model%step(i)%kind)
         select case (which)
         case (of_places)
             call make_places(part, kernels)
@@ -206,6 +209,8 @@ contains
             call make_margins(part, kernels)
         case (of_quality)
             call make_quality(part, kernels)
+        case (of_way)
+            call make_way(part, kernels)
         end select
     end subroutine make_kernel
 
@@ -375,14 +380,26 @@ contains
         type(record_type), target :: record
         type(input_blocks) :: in
         type(mechanism_type) :: mechanism
-        type(rotation) :: r
-        type(vector) :: p
-        type(value), allocatable :: place(:), slide(:)
         type(output_list) :: out
-        integer :: i
 
         call open_record(record, 0)
         call place_step(part, kernels%by_quaternion, in, mechanism)
+        call add_places(part, mechanism, kernels, out)
+        call make_scene_program(record, in, out, kernels%program(of_places))
+        call close_record(record)
+    end subroutine make_places
+
+    !> What `of_places` gives.
+    subroutine add_places(part, mechanism, kernels, out)
+        type(step_part), intent(in) :: part
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_kernels), intent(inout) :: kernels
+        type(output_list), intent(inout) :: out
+        type(rotation) :: r
+        type(vector) :: p
+        type(value), allocatable :: place(:), slide(:)
+        integer :: i
+
         allocate (place(0))
         do i = 1, part%n_own
             p = point_position(mechanism%bodies, i, scene_point_of_origin(mechanism, i))
@@ -397,9 +414,7 @@ contains
         kernels%n_slide = size(slide)
         kernels%n_closing = size(mechanism%closes)
         call add_output(out, of_places, [place, slide, mechanism%closes])
-        call make_scene_program(record, in, out, kernels%program(of_places))
-        call close_record(record)
-    end subroutine make_places
+    end subroutine add_places
 
     subroutine place_step(part, by_quaternion, in, mechanism)
         type(step_part), intent(in), target :: part
@@ -440,26 +455,67 @@ contains
         type(record_type), target :: record
         type(input_blocks) :: in
         type(mechanism_type) :: mechanism
-        type(value), allocatable :: velocity(:), acceleration(:)
         type(output_list) :: out, out2
-        integer :: i
 
         call open_record(record, 0)
         call place_step(part, kernels%by_quaternion, in, mechanism)
-        allocate (velocity(0), acceleration(0))
-        do i = 1, part%n_own
-            associate (origin => scene_point_of_origin(mechanism, i), bodies => mechanism%bodies)
-                velocity = [velocity, rates_of(part%model, point_velocity(bodies, i, origin), omega_of(bodies, i, world_axes))]
-                acceleration = [acceleration, rates_of(part%model, point_acceleration(bodies, i, origin, world_axes), &
-                                                       alpha_of(bodies, i, world_axes))]
-            end associate
-        end do
-        call add_output(out, of_velocities, velocity)
+        if (is_dyad(part%model%step(1)%kind)) call move_dyad(mechanism, part%model%step(1))
+        call add_output(out, of_velocities, velocities_of(part, mechanism))
         call make_scene_program(record, in, out, kernels%program(of_velocities))
-        call add_output(out2, of_accelerations, acceleration)
+        call add_output(out2, of_accelerations, accelerations_of(part, mechanism))
         call make_scene_program(record, in, out2, kernels%program(of_accelerations))
         call close_record(record)
     end subroutine make_motion
+
+    !> All that is asked of a dyad on a way: what `of_places`, `of_velocities` and `of_margins` give, one after the other.
+    subroutine make_way(part, kernels)
+        type(step_part), intent(in), target :: part
+        type(step_kernels), intent(inout) :: kernels
+        type(record_type), target :: record
+        type(input_blocks) :: in
+        type(mechanism_type) :: mechanism
+        type(value) :: margin(1), drift(1)
+        type(output_list) :: out
+
+        call open_record(record, 0)
+        call place_step(part, .false., in, mechanism)
+        call move_dyad(mechanism, part%model%step(1))
+        call assembly_margins(mechanism, margin, drift)
+        call add_places(part, mechanism, kernels, out)
+        call add_output(out, of_velocities, velocities_of(part, mechanism))
+        call add_output(out, of_margins, [margin, drift])
+        call make_scene_program(record, in, out, kernels%program(of_way))
+        call close_record(record)
+    end subroutine make_way
+
+    function velocities_of(part, mechanism) result(velocity)
+        type(step_part), intent(in) :: part
+        type(mechanism_type), intent(in) :: mechanism
+        type(value), allocatable :: velocity(:)
+        integer :: i
+
+        allocate (velocity(0))
+        do i = 1, part%n_own
+            velocity = [velocity, rates_of(part%model, &
+                                           point_velocity(mechanism%bodies, i, scene_point_of_origin(mechanism, i)), &
+                                           omega_of(mechanism%bodies, i, world_axes))]
+        end do
+    end function velocities_of
+
+    function accelerations_of(part, mechanism) result(acceleration)
+        type(step_part), intent(in) :: part
+        type(mechanism_type), intent(in) :: mechanism
+        type(value), allocatable :: acceleration(:)
+        integer :: i
+
+        allocate (acceleration(0))
+        do i = 1, part%n_own
+            acceleration = [acceleration, rates_of(part%model, &
+                                                   point_acceleration(mechanism%bodies, i, scene_point_of_origin(mechanism, i), &
+                                                                      world_axes), &
+                                                   alpha_of(mechanism%bodies, i, world_axes))]
+        end do
+    end function accelerations_of
 
     !> As `rate_numbers_of` counts them.
     function rates_of(model, linear, angular) result(rate)

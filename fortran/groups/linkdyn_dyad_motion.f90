@@ -1,0 +1,214 @@
+!> How the links of planar dyads move, in closed form. The dyad is placed, its ways are found, the links that it hangs on move.
+!>
+!> Each link lets the inner joint move one way: turned about an outer hinge, or along an outer slide. Known links would carry the
+!> joint's two sides apart; the rates along both ways close that gap, of velocities first, then of accelerations.
+module linkdyn_dyad_motion
+    use linkdyn_bodies, only: bodies_type, world_axes, set_vector, point_position, omega_of, alpha_of, acceleration_of_origin, &
+        acceleration_field, field_times
+    use linkdyn_dyads, only: half_type, half_of, outer_point, left_of
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, marker_point
+    use linkdyn_model, only: step_type, step_rrr, step_rpr, step_prp, step_ppr
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), reciprocal
+    use linkdyn_vector, only: vector, operator(+), operator(-), operator(*), operator(.cross.)
+    implicit none (type, external)
+    private
+    public :: move_dyad
+
+contains
+
+    subroutine move_dyad(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(half_type) :: half(2)
+        integer :: i
+
+        half = [(half_of(mechanism, step, i), i=1, 2)]
+        select case (step%kind)
+        case (step_rpr)
+            call move_rpr(mechanism, half, mechanism%ways(:, step%first))
+        case (step_ppr)
+            call move_ppr(mechanism, half, mechanism%ways(:, step%first))
+        case default
+            call move_by_hinge(mechanism, step, half)
+        end select
+    end subroutine move_dyad
+
+    !> RRR, RRP, PRP: both links move the hinge between them.
+    subroutine move_by_hinge(mechanism, step, half)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(half_type), intent(in) :: half(2)
+        type(vector) :: way(2), from(2), hinge, carried(2)
+        type(value) :: rate(2), second(2)
+        logical :: turns(2)
+        integer :: i
+
+        turns = [step%kind /= step_prp, step%kind == step_rrr]
+        way = mechanism%ways(:, step%first)
+        if (step%kind == step_rrr) way = [left_of(way(1)), left_of(way(2))]
+        hinge = point_position(mechanism%bodies, half(1)%link, marker_point(mechanism, half(1)%inner, half(1)%inner_side))
+        do i = 1, 2
+            from(i) = hinge
+            if (turns(i)) from(i) = outer_point(mechanism, half(i))
+            carried(i) = carried_velocity(mechanism%bodies, half(i)%known, from(i))
+        end do
+        rate = closing_rates(way(1), -way(2), carried(2) - carried(1))
+        do i = 1, 2
+            carried(i) = carried_acceleration(mechanism%bodies, half(i)%known, from(i))
+            if (turns(i)) then
+                carried(i) = carried(i) - (rate(i)*rate(i))*(hinge - from(i))
+            else
+                carried(i) = carried(i) + coriolis(mechanism%bodies, half(i)%known, rate(i), way(i))
+            end if
+        end do
+        second = closing_rates(way(1), -way(2), carried(2) - carried(1))
+        do i = 1, 2
+            if (turns(i)) then
+                call turn_about(mechanism, half(i), rate(i), second(i))
+            else
+                call slide_along(mechanism%bodies, half(i)%link, half(i)%known, way(i), rate(i), second(i))
+            end if
+        end do
+    end subroutine move_by_hinge
+
+    !> Both links turn as one about their hinges, which slide apart.
+    subroutine move_rpr(mechanism, half, way)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(vector), intent(in) :: way(2)
+        type(vector) :: hinge(2), gap
+        type(value) :: rate(2), second(2)
+        integer :: i
+
+        hinge = [(outer_point(mechanism, half(i)), i=1, 2)]
+        associate (bodies => mechanism%bodies)
+            gap = carried_velocity(bodies, half(2)%known, hinge(2)) - carried_velocity(bodies, half(1)%known, hinge(1))
+            rate = closing_rates(way(1), way(2), gap)
+            gap = carried_acceleration(bodies, half(2)%known, hinge(2)) - carried_acceleration(bodies, half(1)%known, hinge(1))
+            gap = gap + (rate(1)*rate(1))*(hinge(2) - hinge(1)) - (2.0_wp*(rate(1)*rate(2)))*left_of(way(2))
+            second = closing_rates(way(1), way(2), gap)
+        end associate
+        do i = 1, 2
+            call turn_about(mechanism, half(i), rate(1), second(1))
+        end do
+    end subroutine move_rpr
+
+    !> A link slides on a known one, and one on that: both turn with it.
+    subroutine move_ppr(mechanism, half, way)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(vector), intent(in) :: way(2)
+        type(vector) :: hinge, gap
+        type(value) :: rate(2), second(2)
+
+        hinge = outer_point(mechanism, half(2))
+        associate (bodies => mechanism%bodies)
+            gap = carried_velocity(bodies, half(2)%known, hinge) - carried_velocity(bodies, half(1)%known, hinge)
+            rate = closing_rates(way(1), way(2), gap)
+            gap = carried_acceleration(bodies, half(2)%known, hinge) - carried_acceleration(bodies, half(1)%known, hinge) &
+                  - coriolis(bodies, half(1)%known, rate(1), way(1)) - coriolis(bodies, half(1)%known, rate(2), way(2))
+            second = closing_rates(way(1), way(2), gap)
+            call slide_along(bodies, half(1)%link, half(1)%known, way(1), rate(1), second(1))
+            call slide_along(bodies, half(2)%link, half(1)%link, way(2), rate(2), second(2))
+        end associate
+    end subroutine move_ppr
+
+    !> gap = rate(1)*first + rate(2)*second, in the plane.
+    function closing_rates(first, second, gap) result(rate)
+        type(vector), intent(in) :: first, second, gap
+        type(value) :: rate(2)
+        type(value) :: per
+
+        per = reciprocal(across(first, second))
+        rate = [per*across(gap, second), per*across(first, gap)]
+    end function closing_rates
+
+    function across(a, b) result(z)
+        type(vector), intent(in) :: a, b
+        type(value) :: z
+
+        z = a%x*b%y - a%y*b%x
+    end function across
+
+    ! ---------------------------------------------------------------- carried by a link
+
+    !> Velocity of the point of a link that is at a place just now.
+    function carried_velocity(bodies, link, at) result(v)
+        type(bodies_type), intent(in) :: bodies
+        integer, intent(in) :: link
+        type(vector), intent(in) :: at                     !! world axes [m]
+        type(vector) :: v
+
+        v = bodies%body(link)%velocity + (omega_of(bodies, link, world_axes) .cross.(at - bodies%body(link)%position))
+    end function carried_velocity
+
+    function carried_acceleration(bodies, link, at) result(a)
+        type(bodies_type), intent(in) :: bodies
+        integer, intent(in) :: link
+        type(vector), intent(in) :: at                     !! world axes [m]
+        type(vector) :: a
+
+        a = acceleration_of_origin(bodies, link, world_axes) &
+            + field_times(acceleration_field(bodies, link, world_axes), at - bodies%body(link)%position)
+    end function carried_acceleration
+
+    !> Of what slides on a link.
+    function coriolis(bodies, link, rate, way) result(a)
+        type(bodies_type), intent(in) :: bodies
+        integer, intent(in) :: link
+        type(value), intent(in) :: rate
+        type(vector), intent(in) :: way
+        type(vector) :: a, omega
+
+        omega = omega_of(bodies, link, world_axes)
+        a = (2.0_wp*(rate*omega%z))*left_of(way)
+    end function coriolis
+
+    ! ---------------------------------------------------------------- the links
+
+    !> A link on an outer hinge.
+    subroutine turn_about(mechanism, half, rate, second)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half
+        type(value), intent(in) :: rate, second            !! of its angle
+        type(vector) :: hinge, arm
+
+        hinge = outer_point(mechanism, half)
+        associate (bodies => mechanism%bodies)
+            call turn(bodies, half%link, vector(zero(), zero(), rate), vector(zero(), zero(), second))
+            arm = bodies%body(half%link)%position - hinge
+            bodies%body(half%link)%velocity = carried_velocity(bodies, half%known, hinge) + rate*left_of(arm)
+            call set_vector(bodies%body(half%link)%acceleration, world_axes, carried_acceleration(bodies, half%known, hinge) &
+                            + second*left_of(arm) - (rate*rate)*arm)
+        end associate
+    end subroutine turn_about
+
+    !> A link on a slide of another one.
+    subroutine slide_along(bodies, link, on, way, rate, second)
+        type(bodies_type), intent(inout) :: bodies
+        integer, intent(in) :: link, on
+        type(vector), intent(in) :: way
+        type(value), intent(in) :: rate, second            !! along the way
+
+        call turn(bodies, link, omega_of(bodies, on, world_axes), alpha_of(bodies, on, world_axes))
+        associate (body => bodies%body(link))
+            body%velocity = carried_velocity(bodies, on, body%position) + rate*way
+            call set_vector(body%acceleration, world_axes, carried_acceleration(bodies, on, body%position) + second*way &
+                            + coriolis(bodies, on, rate, way))
+        end associate
+    end subroutine slide_along
+
+    !> Links that do not turn on others share their turning, which may be known already.
+    subroutine turn(bodies, link, omega, alpha)
+        type(bodies_type), intent(inout) :: bodies
+        integer, intent(in) :: link
+        type(vector), intent(in) :: omega, alpha
+
+        associate (turning => bodies%turning(bodies%body(link)%turning))
+            if (any(turning%omega%is_known)) return
+            call set_vector(turning%omega, world_axes, omega)
+            call set_vector(turning%alpha, world_axes, alpha)
+        end associate
+    end subroutine turn
+end module linkdyn_dyad_motion
