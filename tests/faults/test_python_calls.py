@@ -92,12 +92,12 @@ def test_a_handler_that_goes_on_during_a_run():
     result = python("""
         seen = []
         signal.signal(signal.SIGINT, lambda number, frame: seen.append(number))
-        want = chain.forward(3.0, method="gbs")
+        want = chain.forward(t=[0, 3], method="gbs")
         timers = [threading.Timer(0.03 * k, os.kill, (os.getpid(), signal.SIGINT)) for k in range(1, 9)]
         for timer in timers:
             timer.start()
         while any(timer.is_alive() for timer in timers):
-            got = chain.forward(3.0, method="gbs")
+            got = chain.forward(t=[0, 3], method="gbs")
             assert got.sizes == want.sizes and not got["status"].any(), got
             assert np.allclose(got["q"], want["q"], rtol=1e-6, atol=1e-6) and got.stopped == "", abs(got["q"] - want["q"]).max()
         print("went on", len(seen) > 0)

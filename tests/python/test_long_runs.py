@@ -126,10 +126,10 @@ def test_tolerances_of_a_row_of_parallelograms() -> None:
     scene = linkdyn.load(ROOT / "examples" / "n_fourbar" / "scene_40.toml")
     t = [0.0, 5.0, 10.0, 20.0]
     exact = exact_row(t)
-    runs = {tolerance: scene.forward(t=t, rtol=tolerance, atol=tolerance, want="power") for tolerance in (1e-9, 1e-14, 1e-16)}
+    runs = {tolerance: scene.forward(t=t, rtol=tolerance, atol=tolerance, want="power") for tolerance in (1e-9, 1e-14)}
     error = {tolerance: np.abs(run.q.values[:, 0] - exact).max() for tolerance, run in runs.items()}
     assert error[1e-9] < 20 * runs[1e-9].attrs["steps"] * 1e-9 * (1 + 2 * np.pi)
-    assert error[1e-14] < error[1e-9] and error[1e-16] < error[1e-9]
+    assert error[1e-14] < error[1e-9]
     assert "above the tolerance" in runs[1e-14].attrs["rounding"]
 
 
