@@ -123,6 +123,7 @@ contains
             given_force(:, k) = merge(0.0_wp, case%force(:, k), unknown%drive)
         end do
         call run_prepared(case%model, forward, 1, case%q, case%qd, given_qdd, case%load, results, given_force)
+        call forward%free()
         ! At constant rates the accelerations found are what is left of much larger ones.
         scale = max(maxval(abs(case%qdd)), maxval(abs(case%qd))**2)
         call check_close(error, qdd, case%qdd, tolerance*scale, trim(solver_name(solver))//": accelerations")
@@ -286,6 +287,7 @@ contains
         results%closure => gap
         results%power_imbalance => imbalance
         call run_prepared(case%model, forward, 1, case%q, case%qd, 0*case%qdd, case%load, results, case%force)
+        call forward%free()
         call check_close(error, gap, zero, 16*epsilon(1.0_wp), "closure [m]")
         call check_close(error, imbalance, zero, tolerance, "power imbalance")
     end subroutine test_measures
