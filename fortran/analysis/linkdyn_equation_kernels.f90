@@ -1,11 +1,17 @@
 !> The kernels of one choice of equations: each is made when it is wanted first, and then serves all threads.
+!>
+!> Designs that differ in their numbers alone are a family: kernels are made of its head, whichever design wants them first, with
+!> numbers for inputs, and serve all of them.
 module linkdyn_equation_kernels
+    use linkdyn_alike_models, only: describe_alike
     use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, open_equations, close_equations, &
         make_matrix_program, make_solving_program, make_answer_program, make_sliding_program, has_columns, nothing_else
-    use linkdyn_inputs, only: sample_set
+    use linkdyn_inputs, only: sample_set, in_number
+    use linkdyn_kinds, only: wp
     use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
     use linkdyn_lock, only: hold_records, release_records, hold_texts, release_texts
     use linkdyn_model, only: model_type
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_representatives, only: representative_motions
     use linkdyn_row_order, only: order_rows
     use linkdyn_scene, only: pulls_in_line
@@ -13,6 +19,7 @@ module linkdyn_equation_kernels
     private
     public :: equation_kernels, answer_kernels, make_kernels, free_kernels, need_matrix, need_solving, need_answers, need_sliding, &
         slides_or_pulls
+    public :: kernel_family, found_family, join_family, end_family, takes_numbers
 
     !> Kernels of some results.
     type :: answer_kernels
@@ -36,7 +43,16 @@ module linkdyn_equation_kernels
         type(lane_program) :: sliding                  !! what is asked before anything acts
         type(answer_kernels), pointer, private :: first => null()
         logical, private :: has_matrix = .false., has_sliding = .false.
+        type(kernel_family), pointer, private :: family => null()    !! that they serve; null: one model alone
+        type(equation_kernels), pointer, private :: next => null()   !! of the family
     end type equation_kernels
+
+    type :: kernel_family
+        type(model_type), private :: head
+        character(len=:), allocatable, private :: key
+        integer, allocatable, private :: varying(:)    !! numbers that are inputs
+        type(equation_kernels), pointer, private :: first => null()
+    end type kernel_family
 
 contains
 
@@ -52,11 +68,98 @@ contains
         kernels%has_matrix = choice%way == nothing_else    ! there is none
     end subroutine make_kernels
 
-    !> Nobody may be using them.
+    ! ---------------------------------------------------------------- families
+
+    !> Models like this one share kernels from now on, if there can be any.
+    subroutine found_family(model, family)
+        type(model_type), intent(in) :: model
+        type(kernel_family), pointer, intent(out) :: family
+
+        allocate (family)
+        family%head = model
+        call hold_texts()
+        call describe_alike(model, family%key, family%varying)
+        call release_texts()
+        if (len(family%key) == 0) deallocate (family)
+    end subroutine found_family
+
+    !> Take the family's kernels in the place of one's own, of which none may be made yet; a model that is not like its head keeps its
+    !> own.
+    subroutine join_family(model, family, kernels)
+        type(model_type), intent(in) :: model
+        type(kernel_family), pointer, intent(in) :: family
+        type(equation_kernels), pointer, intent(inout) :: kernels
+        type(equation_kernels), pointer :: shared
+        character(len=:), allocatable :: key
+        integer, allocatable :: varying(:)
+
+        call hold_texts()
+        call describe_alike(model, key, varying)
+        call release_texts()
+        if (key /= family%key .or. slides_or_pulls(model)) return
+        call hold_records()
+        shared => family%first
+        do while (associated(shared))
+            if (are_same(shared, kernels)) exit
+            shared => shared%next
+        end do
+        if (.not. associated(shared)) then
+            allocate (shared)
+            shared%choice = kernels%choice
+            shared%choice%varying = family%varying
+            shared%wants_reactions = kernels%wants_reactions
+            shared%wants_order = kernels%wants_order
+            shared%has_matrix = kernels%has_matrix
+            shared%family => family
+            shared%next => family%first
+            family%first => shared
+        end if
+        call release_records()
+        call free_kernels(kernels)
+        kernels => shared
+    end subroutine join_family
+
+    pure logical function are_same(a, b)
+        type(equation_kernels), intent(in) :: a, b
+
+        are_same = a%choice%way == b%choice%way .and. (a%wants_reactions .eqv. b%wants_reactions) &
+                   .and. (a%wants_order .eqv. b%wants_order) .and. (a%wants_right .eqv. b%wants_right)
+        if (are_same) are_same = all(a%choice%drive_is_unknown .eqv. b%choice%drive_is_unknown) &
+                                 .and. all(a%choice%acceleration_is_unknown .eqv. b%choice%acceleration_is_unknown)
+    end function are_same
+
+    !> Are the model's numbers among the inputs?
+    pure logical function takes_numbers(kernels)
+        type(equation_kernels), intent(in) :: kernels
+
+        takes_numbers = associated(kernels%family)
+    end function takes_numbers
+
+    !> Nobody may be using its kernels.
+    subroutine end_family(family)
+        type(kernel_family), pointer, intent(inout) :: family
+        type(equation_kernels), pointer :: kernels
+
+        if (.not. associated(family)) return
+        do while (associated(family%first))
+            kernels => family%first
+            family%first => kernels%next
+            nullify (kernels%family)
+            call free_kernels(kernels)
+        end do
+        deallocate (family)
+        nullify (family)
+    end subroutine end_family
+
+    ! ---------------------------------------------------------------- kernels
+
+    !> Nobody may be using them. Those of a family stay with it.
     subroutine free_kernels(kernels)
         type(equation_kernels), pointer, intent(inout) :: kernels
         type(answer_kernels), pointer :: answers
 
+        if (.not. associated(kernels)) return
+        if (associated(kernels%family)) nullify (kernels)
         if (.not. associated(kernels)) return
         do while (associated(kernels%first))
             answers => kernels%first
@@ -98,7 +201,7 @@ contains
 
         nullify (no_answers)
         call begin()
-        if (.not. kernels%has_matrix) call write_densely(model, kernels, no_answers)
+        if (.not. kernels%has_matrix) call write_head_densely(model, kernels, no_answers)
         call finish()
     end subroutine need_matrix
 
@@ -111,9 +214,21 @@ contains
 
         call begin()
         call find_answers(wanted, kernels, answers)
-        if (.not. (kernels%has_matrix .and. answers%has_answers)) call write_densely(model, kernels, answers)
+        if (.not. (kernels%has_matrix .and. answers%has_answers)) call write_head_densely(model, kernels, answers)
         call finish()
     end subroutine need_answers
+
+    subroutine write_head_densely(model, kernels, answers)
+        type(model_type), intent(in) :: model
+        type(equation_kernels), intent(inout) :: kernels
+        type(answer_kernels), pointer, intent(in) :: answers
+
+        if (associated(kernels%family)) then
+            call write_densely(kernels%family%head, kernels, answers)
+        else
+            call write_densely(model, kernels, answers)
+        end if
+    end subroutine write_head_densely
 
     !> What is not there yet of both.
     subroutine write_densely(model, kernels, answers)
@@ -123,8 +238,7 @@ contains
         type(written_equations), target :: equations
         type(sample_set) :: sample
 
-        if (kernels%wants_order .and. .not. kernels%has_matrix) &
-            call representative_motions(model, has_columns(model, kernels%choice), sample)
+        if (kernels%wants_order .and. .not. kernels%has_matrix) call find_samples(model, kernels, sample)
         call open_equations(model, kernels%choice, sample, equations)
         if (.not. kernels%has_matrix) then
             call make_matrix_program(equations, kernels%wants_right, kernels%form, kernels%matrix%program)
@@ -150,25 +264,51 @@ contains
         integer, intent(in) :: wanted(:)               !! `result_*`, `out_*`
         type(equation_kernels), intent(inout) :: kernels
         type(answer_kernels), pointer, intent(out) :: answers
-        type(written_equations), target :: equations
-        type(sample_set) :: sample
 
         call begin()
         call find_answers(wanted, kernels, answers)
         if (.not. answers%has_solving) then
-            call representative_motions(model, has_columns(model, kernels%choice), sample)
-            if (sample%n > 0) then
-                call open_equations(model, kernels%choice, sample, equations)
-                call make_solving_program(model, equations, kernels%wants_reactions, wanted, answers%solved_for, &
-                                          answers%n_watched, answers%solving%program)
-                call close_equations(equations)
-                if (answers%solving%program%is_made) &
-                    call prepare_lanes(model, has_columns(model, kernels%choice), answers%solving)
+            if (associated(kernels%family)) then
+                call make_solving(kernels%family%head, kernels, answers)
+            else
+                call make_solving(model, kernels, answers)
             end if
-            answers%has_solving = .true.
         end if
         call finish()
     end subroutine need_solving
+
+    !> By which pivots are chosen.
+    subroutine find_samples(model, kernels, sample)
+        type(model_type), intent(in) :: model
+        type(equation_kernels), intent(in) :: kernels
+        type(sample_set), intent(out) :: sample
+        type(number_places) :: at
+        real(wp), allocatable :: own(:)
+
+        call representative_motions(model, has_columns(model, kernels%choice), sample)
+        if (.not. allocated(kernels%choice%varying)) return
+        call place_numbers(model, at)
+        allocate (own(at%n))
+        call collect_numbers(model, at, own)
+        sample%of(in_number)%x = spread(own, 2, sample%n)
+    end subroutine find_samples
+
+    subroutine make_solving(model, kernels, answers)
+        type(model_type), intent(in) :: model
+        type(equation_kernels), intent(in) :: kernels
+        type(answer_kernels), intent(inout) :: answers
+        type(written_equations), target :: equations
+        type(sample_set) :: sample
+
+        answers%has_solving = .true.
+        call find_samples(model, kernels, sample)
+        if (sample%n == 0) return
+        call open_equations(model, kernels%choice, sample, equations)
+        call make_solving_program(model, equations, kernels%wants_reactions, answers%wanted, answers%solved_for, &
+                                  answers%n_watched, answers%solving%program)
+        call close_equations(equations)
+        if (answers%solving%program%is_made) call prepare_lanes(model, has_columns(model, kernels%choice), answers%solving)
+    end subroutine make_solving
 
     subroutine need_sliding(model, kernels)
         type(model_type), intent(in) :: model

@@ -16,7 +16,7 @@ module linkdyn_equations
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_equation_kernels, only: equation_kernels, answer_kernels, make_kernels, free_kernels, need_solving, need_answers, &
-        need_sliding, slides_or_pulls
+        need_sliding, slides_or_pulls, kernel_family, join_family, takes_numbers
     use linkdyn_equation_programs, only: equation_choice, fill_matrix, has_columns, as_lecture, sparsely, by_work, nothing_else, &
         out_solution, out_press, out_square, out_transmitted
     use linkdyn_force_program, only: out_alarm, out_reach
@@ -41,7 +41,7 @@ module linkdyn_equations
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
-    public :: prepare_workspace, want_of, solve_block, solve_equations, solve_again, found_of, renew_equations
+    public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, found_of, renew_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -199,6 +199,16 @@ contains
         equations%kernels => kernels
     end subroutine renew_equations
 
+    !> Kernels of all that differ from the head of a family in numbers alone, if the model is one of these. Nothing may have been
+    !> solved yet.
+    subroutine share_equations(model, family, equations)
+        type(model_type), intent(in) :: model
+        type(kernel_family), pointer, intent(in) :: family     !! null: there is none
+        type(equations_type), intent(inout) :: equations
+
+        if (associated(family) .and. associated(equations%kernels)) call join_family(model, family, equations%kernels)
+    end subroutine share_equations
+
     !> No unknowns: motion and driving forces are given, and results follow, such as the balance of power.
     subroutine build_given_equations(model, equations)
         type(model_type), intent(in) :: model
@@ -266,7 +276,7 @@ contains
                   workspace%transmitted(lanes, model%n_actuator), workspace%acceleration(lanes, model%n_q), source=0.0_wp)
         allocate (workspace%wanted(0))
         if (.not. equations%are_solved) return
-        call prepare_numbers(model, workspace%numbers)
+        call prepare_numbers(model, takes_numbers(equations%kernels), workspace%numbers)
         call prepare_friction(size(equations%rub), workspace%friction)
         allocate (workspace%sense(lanes, size(equations%lossy)), source=1.0_wp)
         allocate (workspace%motor_force(lanes, model%n_actuator), workspace%driving_rate(lanes, model%n_actuator), source=0.0_wp)

@@ -77,7 +77,7 @@ contains
             call make_drive_program(model, drives%lane%program)
             call release_texts()
             call prepare_lanes(model, .false., drives%lane)
-            call prepare_numbers(model, drives%numbers)
+            call prepare_numbers(model, .false., drives%numbers)
         end if
         call take_coordinates(model, state, drives%numbers)
         drives%numbers%of(in_target)%x = reshape(target, [lanes, 2*model%n_actuator])

@@ -108,7 +108,7 @@ contains
         state%qdd = spread(qdd, 1, lanes)
         state%time = model%scene%time%first
         call evaluate_kinematics(model, state)
-        call prepare_numbers(model, numbers)
+        call prepare_numbers(model, .false., numbers)
         call take_numbers(model, state, spread(load, 1, lanes), numbers)
         call run_on_lanes(lane, 1, state, numbers, space)
     end subroutine run_at

@@ -18,8 +18,9 @@ module linkdyn_inverse
     use linkdyn_belt_measures, only: measure_strands
     use linkdyn_cam_measures, only: measure_pressure_angles
     use linkdyn_closed_forms, only: transmission_angles
+    use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, build_given_equations, &
-        free_equations, prepare_workspace, want_of, solve_block, found_of, &
+        share_equations, free_equations, prepare_workspace, want_of, solve_block, found_of, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, free_probe, prepare_probe_space, estimate_errors
@@ -78,6 +79,7 @@ module linkdyn_inverse
         logical :: wants_rcond = .false.     !! condition number of the equations; solver lapack always has it
         logical :: wants_distance = .false.  !! distance to the next singular position
         logical :: by_record = .true.        !! elimination by a record of the scene, where it has one; false: by lanes alone
+        type(kernel_family), pointer :: family => null()    !! of models that share kernels; null: there is none
     end type inverse_options
 
     !> Scratch of one thread.
@@ -153,6 +155,7 @@ contains
         solver%n_expected = options%n_expected
         if (options%wants_forces) then
             call build_equations(model, options%solver, wants_reactions, solver%equations, status)
+            if (status%is_ok()) call share_equations(model, options%family, solver%equations)
         else
             call build_no_equations(model, solver%equations)
         end if

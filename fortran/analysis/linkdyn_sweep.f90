@@ -4,6 +4,7 @@ module linkdyn_sweep
     use linkdyn_clearance, only: have_gaps
     use linkdyn_constants, only: golden
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_equation_kernels, only: found_family, end_family
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -84,6 +85,12 @@ contains
                 status = design%status
                 call put_file_first(scene%file, scene, status%message)
                 return
+            end if
+            if (run%plan%n_design > 1 .and. design%status%is_ok()) then
+                call found_family(design%model, run%source%family)
+                ! with the kernels that it will have whenever it comes
+                call close_design(design)
+                call ready_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
             end if
         end associate
         if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then
@@ -331,7 +338,9 @@ contains
         type(sweep_run), intent(inout) :: run
 
         call close_designs(run)
-        if (allocated(run%source)) call run%source%free()
+        if (.not. allocated(run%source)) return
+        call end_family(run%source%family)
+        call run%source%free()
     end subroutine finish_sweep
 
     !> Give the designs' scratch back: those that come are planned anew.

@@ -93,7 +93,7 @@ contains
                 design%motion => like%motion
                 design%forces => like%forces
             else
-                call plan_equations(plan, row, solver, design)
+                call plan_equations(plan, row, source, solver, design)
             end if
         end if
         if (design%status%is_ok()) call make_room(plan, row, design)
@@ -123,9 +123,10 @@ contains
     end subroutine plan_design
 
     !> By which equations. The map of forces has none of its own, but there must be as many actuators as freedoms.
-    subroutine plan_equations(plan, row, solver, design)
+    subroutine plan_equations(plan, row, source, solver, design)
         type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row
+        class(design_source), intent(in) :: source
         integer, intent(in) :: solver
         type(sweep_design), intent(inout) :: design
         type(inverse_options) :: options
@@ -135,6 +136,7 @@ contains
         options%solver = solver
         options%n_expected = int(min(plan%n_pose, int(huge(1), int64)))
         options%by_record = design%is_recorded
+        options%family => source%family
         if (design%needs_forces .or. design%measures%wants_map) call prepare_inverse(design%model, options, &
             any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_contact_force]) > 0), &
             design%forces, &

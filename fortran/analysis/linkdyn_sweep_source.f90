@@ -1,5 +1,6 @@
 !> Where the scenes of a sweep's designs come from: only the reader of scene files knows.
 module linkdyn_sweep_source
+    use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
@@ -8,6 +9,7 @@ module linkdyn_sweep_source
     public :: design_source
 
     type, abstract :: design_source
+        type(kernel_family), pointer :: family => null()   !! of the designs; null: each has kernels of its own
     contains
         procedure(make_scene), deferred :: make
         procedure(free_source), deferred :: free

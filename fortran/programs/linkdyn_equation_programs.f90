@@ -51,6 +51,7 @@ module linkdyn_equation_programs
         integer :: way = sparsely
         logical, allocatable :: drive_is_unknown(:)        !! (n_actuator)
         logical, allocatable :: acceleration_is_unknown(:) !! (n_q)
+        integer, allocatable :: varying(:)                 !! numbers of the scene that are inputs; absent: none
     end type equation_choice
 
     !> The matrix, nonzero by nonzero: constants, or outputs of its kernel.
@@ -324,6 +325,7 @@ contains
         request%has_friction = size(model%contact) > 0
         request%drive_is_unknown = choice%drive_is_unknown
         request%acceleration_is_unknown = choice%acceleration_is_unknown
+        if (allocated(choice%varying)) request%varying = choice%varying
         allocate (request%has_load(6, model%n_load))
         request%has_load = .true.
         call trace_given_motion(model, request, sample, traced)

@@ -3,6 +3,8 @@ module test_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_builder, only: build_model
     use linkdyn_cross, only: cross
+    use linkdyn_equation_kernels, only: kernel_family, found_family, end_family
+    use linkdyn_equations, only: equations_type, build_equations, share_equations, free_equations
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &
         solver_elimination, solver_reduced, solver_name
     use linkdyn_kinds, only: wp
@@ -52,7 +54,8 @@ contains
             new_test("Fichter's singular pose", test_singular_pose), &
             new_test("towards the singular pose", test_near_singular), &
             new_test("singular in every pose", test_architecture), &
-            new_test("reduced has no reactions", test_reduced_refusal)]
+            new_test("reduced has no reactions", test_reduced_refusal), &
+            new_test("designs share kernels", test_family)]
     end subroutine collect_inverse
 
     ! ---------------------------------------------------------------- set-up
@@ -701,4 +704,38 @@ contains
         end do
         call release(results)
     end subroutine test_architecture
+
+    !> Of models that differ in their numbers, not of one in which another number is zero, which leaves terms out.
+    subroutine test_family(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: head = 1, alike = 2, other = 3
+        type(scene_type) :: scene
+        type(model_type) :: model(3)
+        type(equations_type) :: equations(3)
+        type(kernel_family), pointer :: family
+        type(status_type) :: status
+        integer :: i
+
+        do i = head, other
+            call stewart_scene(scene, .false.)
+            scene%link(1)%mass = 1.5_wp*i
+            scene%link(1)%cog = [0.1_wp, 0.2_wp, merge(0.0_wp, 0.3_wp, i == other)]
+            call build_model(scene, model(i), status)
+            call check(error, status%is_ok(), "it is planned")
+            call build_equations(model(i), solver_elimination, .true., equations(i), status)
+            call check(error, status%is_ok(), "its equations are chosen")
+        end do
+        call found_family(model(head), family)
+        call check(error, associated(family), "a hexapod has a family")
+        if (.not. associated(family)) return
+        do i = head, other
+            call share_equations(model(i), family, equations(i))
+        end do
+        call check(error, associated(equations(head)%kernels, equations(alike)%kernels), "another mass")
+        call check(error, .not. associated(equations(head)%kernels, equations(other)%kernels), "another zero")
+        do i = head, other
+            call free_equations(equations(i))
+        end do
+        call end_family(family)
+    end subroutine test_family
 end module test_inverse

@@ -547,6 +547,39 @@ def test_designs_change_numbers_in_the_order_of_the_axes(tsai):
     np.testing.assert_allclose(swept.driving_force_max, found, rtol=1e-12)
 
 
+@pytest.mark.parametrize("has_spring", [False, True])
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "gauss-jordan-plain", "reduced"])
+def test_designs_share_equations_and_no_numbers(tsai, solver, has_spring):
+    """Equations are written down once for all designs, which differ in their numbers: lengths, masses, inertias, gravity. One that has another
+    zero among them has equations of its own, and so has each with a spring between points, which may coincide."""
+    tsai["link"][0] |= {"mass": 1.5, "cog": [0.1, 0.02, 0.03], "inertia": [0.08, 0.09, 0.08, 0.01, -0.02, 0.005]}
+    tsai["link"][0]["markers"] |= {"hook": [0.1, 0.2, 0.0]}
+    tsai["frame"]["markers"] |= {"hook": [-1.5, 0.1, 3.0]}
+    if has_spring:
+        tsai["spring"] = [{"name": "S", "between": ["frame.hook", "platform.hook"], "stiffness": 40.0, "rest": 1.0}]
+    axes = [
+        {"parameter": "link.platform.mass", "values": [1.0, 2.0]},
+        {"parameter": "link.platform.cog[1]", "values": [0.05, 0.0]},
+        {"parameter": "link.platform.inertia[3]", "values": [0.02, -0.01]},
+        {"parameter": "frame.markers.B1[0]", "values": [0.1, -0.2], "as": "offset"},
+        {"parameter": "gravity[2]", "values": [-9.81, -1.62]},
+    ]
+    plain = copy.deepcopy(tsai)
+    swept = linkdyn.Scene(tsai).sweep(
+        {"reduce": ["driving_force"], "axis": [*axes, {"coordinate": "platform.x", "linspace": [-1.6, -1.4, 2]}]}, solver=solver)
+    found = []
+    for mass, cog, product, shift, gravity in itertools.product(*(axis["values"] for axis in axes)):
+        design = copy.deepcopy(plain)
+        design["link"][0] |= {"mass": mass, "cog": [0.1, cog, 0.03], "inertia": [0.08, 0.09, 0.08, product, -0.02, 0.005]}
+        design["frame"]["markers"]["B1"][0] += shift
+        design["gravity"] = [0.0, 0.0, gravity]
+        scene = linkdyn.Scene(design)
+        q = np.tile(scene.motion(0.0)[0], (2, 1))
+        q[:, 0] = [-1.6, -1.4]
+        found.append(scene.inverse(q, solver=solver, want="driving_force").driving_force.values.max(axis=0))
+    np.testing.assert_allclose(swept.driving_force_max, found, rtol=1e-11)
+
+
 def test_many_designs_by_values(tmp_path):
     """Lists of values as long as there are designs: minutes, and hours of more of them, where each design reads the lists once more."""
     scene = linkdyn.load(Path(__file__).parents[2] / "examples" / "sixbar_slider" / "scene.toml")
