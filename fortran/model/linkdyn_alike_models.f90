@@ -8,7 +8,7 @@ module linkdyn_alike_models
     use linkdyn_model, only: model_type
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_scene, only: law_over, n_stop, n_clutch
-    use linkdyn_text, only: to_text
+    use linkdyn_step_part, only: listed
     implicit none (type, external)
     private
     public :: describe_alike
@@ -103,15 +103,4 @@ contains
         end do
         varying = pack([(k, k=1, at%n)], varies)
     end subroutine find_pattern
-
-    pure function listed(numbers) result(text)
-        integer, intent(in) :: numbers(:)
-        character(len=:), allocatable :: text
-        integer :: i
-
-        text = ""
-        do i = 1, size(numbers)
-            text = text//" "//to_text(numbers(i))
-        end do
-    end function listed
 end module linkdyn_alike_models

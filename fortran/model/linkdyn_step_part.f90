@@ -14,7 +14,7 @@ module linkdyn_step_part
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: step_part, take_step, describe_steps
+    public :: step_part, take_step, describe_steps, listed
 
     type :: step_part
         type(model_type) :: model                      !! of the part
@@ -311,6 +311,7 @@ contains
         end do
     end subroutine end_part
 
+    !> Whole numbers in a row, each behind a space.
     pure function listed(numbers) result(text)
         integer, intent(in) :: numbers(:)
         character(len=:), allocatable :: text
