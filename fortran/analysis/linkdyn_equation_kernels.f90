@@ -7,11 +7,10 @@ module linkdyn_equation_kernels
     use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, open_equations, close_equations, &
         make_matrix_program, make_solving_program, make_answer_program, make_sliding_program, has_columns, nothing_else
     use linkdyn_inputs, only: sample_set, in_number
-    use linkdyn_kinds, only: wp
     use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
     use linkdyn_lock, only: hold_records, release_records, hold_texts, release_texts
     use linkdyn_model, only: model_type
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_numbers, only: numbers_of
     use linkdyn_representatives, only: representative_motions
     use linkdyn_row_order, only: order_rows
     use linkdyn_scene, only: pulls_in_line
@@ -96,7 +95,7 @@ contains
         call hold_texts()
         call describe_alike(model, key, varying)
         call release_texts()
-        if (key /= family%key .or. slides_or_pulls(model)) return
+        if (key /= family%key) return
         call hold_records()
         shared => family%first
         do while (associated(shared))
@@ -104,12 +103,8 @@ contains
             shared => shared%next
         end do
         if (.not. associated(shared)) then
-            allocate (shared)
-            shared%choice = kernels%choice
+            call make_kernels(kernels%choice, kernels%wants_reactions, kernels%wants_order, shared)
             shared%choice%varying = family%varying
-            shared%wants_reactions = kernels%wants_reactions
-            shared%wants_order = kernels%wants_order
-            shared%has_matrix = kernels%has_matrix
             shared%family => family
             shared%next => family%first
             family%first => shared
@@ -159,8 +154,10 @@ contains
         type(answer_kernels), pointer :: answers
 
         if (.not. associated(kernels)) return
-        if (associated(kernels%family)) nullify (kernels)
-        if (.not. associated(kernels)) return
+        if (associated(kernels%family)) then
+            nullify (kernels)
+            return
+        end if
         do while (associated(kernels%first))
             answers => kernels%first
             kernels%first => answers%next
@@ -201,7 +198,7 @@ contains
 
         nullify (no_answers)
         call begin()
-        if (.not. kernels%has_matrix) call write_head_densely(model, kernels, no_answers)
+        if (.not. kernels%has_matrix) call write_densely(traced_model(model, kernels), kernels, no_answers)
         call finish()
     end subroutine need_matrix
 
@@ -214,21 +211,20 @@ contains
 
         call begin()
         call find_answers(wanted, kernels, answers)
-        if (.not. (kernels%has_matrix .and. answers%has_answers)) call write_head_densely(model, kernels, answers)
+        if (.not. (kernels%has_matrix .and. answers%has_answers)) &
+            call write_densely(traced_model(model, kernels), kernels, answers)
         call finish()
     end subroutine need_answers
 
-    subroutine write_head_densely(model, kernels, answers)
-        type(model_type), intent(in) :: model
-        type(equation_kernels), intent(inout) :: kernels
-        type(answer_kernels), pointer, intent(in) :: answers
+    !> Of which kernels are made: the head of their family, or the model itself.
+    function traced_model(model, kernels) result(traced)
+        type(model_type), intent(in), target :: model
+        type(equation_kernels), intent(in) :: kernels
+        type(model_type), pointer :: traced
 
-        if (associated(kernels%family)) then
-            call write_densely(kernels%family%head, kernels, answers)
-        else
-            call write_densely(model, kernels, answers)
-        end if
-    end subroutine write_head_densely
+        traced => model
+        if (associated(kernels%family)) traced => kernels%family%head
+    end function traced_model
 
     !> What is not there yet of both.
     subroutine write_densely(model, kernels, answers)
@@ -267,13 +263,7 @@ contains
 
         call begin()
         call find_answers(wanted, kernels, answers)
-        if (.not. answers%has_solving) then
-            if (associated(kernels%family)) then
-                call make_solving(kernels%family%head, kernels, answers)
-            else
-                call make_solving(model, kernels, answers)
-            end if
-        end if
+        if (.not. answers%has_solving) call make_solving(traced_model(model, kernels), kernels, answers)
         call finish()
     end subroutine need_solving
 
@@ -282,15 +272,9 @@ contains
         type(model_type), intent(in) :: model
         type(equation_kernels), intent(in) :: kernels
         type(sample_set), intent(out) :: sample
-        type(number_places) :: at
-        real(wp), allocatable :: own(:)
 
         call representative_motions(model, has_columns(model, kernels%choice), sample)
-        if (.not. allocated(kernels%choice%varying)) return
-        call place_numbers(model, at)
-        allocate (own(at%n))
-        call collect_numbers(model, at, own)
-        sample%of(in_number)%x = spread(own, 2, sample%n)
+        if (allocated(kernels%choice%varying)) sample%of(in_number)%x = spread(numbers_of(model), 2, sample%n)
     end subroutine find_samples
 
     subroutine make_solving(model, kernels, answers)

@@ -13,7 +13,7 @@ module linkdyn_given_numbers
     use linkdyn_lane_programs, only: lane_numbers
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_numbers, only: numbers_of
     use linkdyn_payload_measures, only: find_payloads
     use linkdyn_scene, only: law_spec, law_over, coordinate_joint, n_stop, n_clutch
     implicit none (type, external)
@@ -26,8 +26,6 @@ contains
         type(model_type), intent(in) :: model
         logical, intent(in) :: with_model              !! the model's own numbers are among them
         type(lane_numbers), intent(inout) :: numbers
-        type(number_places) :: at
-        real(wp), allocatable :: own(:)
 
         call make(in_q, model%n_q)
         call make(in_qd, model%n_q)
@@ -44,11 +42,7 @@ contains
         call make(in_stop, n_stop(model%scene))
         call make(in_clutch, n_clutch(model%scene))
         call make(in_unknown, model%n_row + model%n_actuator)      ! as many as equations, of drives that share among them
-        if (.not. with_model) return
-        call place_numbers(model, at)
-        allocate (own(at%n))
-        call collect_numbers(model, at, own)
-        numbers%of(in_number)%x = spread(own, 1, lanes)
+        if (with_model) numbers%of(in_number)%x = spread(numbers_of(model), 1, lanes)
 
     contains
 

@@ -80,17 +80,16 @@ contains
         call make_shape(run)
         allocate (run%design(1))
         associate (design => run%design(1))
+            if (run%plan%n_design > 1) then
+                call open_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
+                if (design%status%is_ok()) call found_family(design%model, run%source%family)
+                call close_design(design)
+            end if
             call ready_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
             if (run%plan%n_design == 1 .and. .not. design%status%is_ok()) then
                 status = design%status
                 call put_file_first(scene%file, scene, status%message)
                 return
-            end if
-            if (run%plan%n_design > 1 .and. design%status%is_ok()) then
-                call found_family(design%model, run%source%family)
-                ! with the kernels that it will have whenever it comes
-                call close_design(design)
-                call ready_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
             end if
         end associate
         if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then

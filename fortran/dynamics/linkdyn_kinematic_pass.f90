@@ -97,37 +97,44 @@ contains
         type(kinematic_state), intent(inout) :: state
         type(kernel_use) :: use
         real(wp), allocatable :: found(:, :)
-        integer :: level
 
         call begin_use(model, step%number, state, use)
-        associate (part => model%part(step%number))
-            if (is_dyad(step%kind) .and. state%n_column == velocities_only) then
-                call run_kernel(model, use, of_way, state, found, level_velocity)
-                call take_way(model, step, use, found, state)
-                call end_use(use)
-                return
-            end if
+        if (is_dyad(step%kind) .and. state%n_column == velocities_only) then
+            call run_kernel(model, use, of_way, state, found, level_velocity)
+            call take_way(model, step, use, found, state)
+        else
             call run_kernel(model, use, of_places, state, found)
             call take_places(model, use, found, state)
-            if (step%kind == step_csp) then
-                call close_loop(model, use, state)
-            else
-                call run_kernel(model, use, of_velocities, state, found, level_velocity)
-                call set_rates(model, part, level_velocity, found, state)
-                do level = 1, state%n_column
-                    call run_kernel(model, use, of_velocities, state, found, level)
-                    call set_rates(model, part, level, found, state)
-                end do
-                if (state%n_column >= 0) then
-                    call run_kernel(model, use, of_accelerations, state, found, level_given)
-                    call set_rates(model, part, level_given, found, state)
-                end if
-                if (step%kind == step_pose) call set_pose_columns(model, step, state)
-                if (is_dyad(step%kind)) state%singular = state%singular .or. .not. (is_determined(found) .or. state%unreachable)
-            end if
-        end associate
+            if (step%kind == step_csp) call close_loop(model, use, state)
+            if (step%kind /= step_csp) call move_by_formulas(model, step, use, state)
+        end if
         call end_use(use)
     end subroutine run_closed_form
+
+    !> All levels, the given acceleration last, which needs the velocities.
+    subroutine move_by_formulas(model, step, use, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kernel_use), intent(in) :: use
+        type(kinematic_state), intent(inout) :: state
+        real(wp), allocatable :: found(:, :)
+        integer :: level
+
+        associate (part => model%part(step%number))
+            call run_kernel(model, use, of_velocities, state, found, level_velocity)
+            call set_rates(model, part, level_velocity, found, state)
+            do level = 1, state%n_column
+                call run_kernel(model, use, of_velocities, state, found, level)
+                call set_rates(model, part, level, found, state)
+            end do
+            if (state%n_column >= 0) then
+                call run_kernel(model, use, of_accelerations, state, found, level_given)
+                call set_rates(model, part, level_given, found, state)
+            end if
+            if (step%kind == step_pose) call set_pose_columns(model, step, state)
+            if (is_dyad(step%kind)) state%singular = state%singular .or. .not. (is_determined(found) .or. state%unreachable)
+        end associate
+    end subroutine move_by_formulas
 
     !> Where the links are, how far joints are slid, and which lanes cannot close.
     subroutine take_places(model, use, found, state)

@@ -1,14 +1,15 @@
 !> Which models differ in their numbers alone: kernels that take these for inputs serve all of them.
 !>
 !> Told are models whose physics `linkdyn_numbers` lists whole. What rubs, is geared, driven behind a gearbox or by laws over the state,
-!> carried, or shared among joints has numbers of its own beside that list: such models are alike to none.
+!> carried, or shared among joints has numbers of its own beside that list: such models are alike to none, nor are those with springs
+!> that may lose their direction, of which somebody asks by kernels without such inputs.
 module linkdyn_alike_models
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
-    use linkdyn_scene, only: law_over, n_stop, n_clutch
-    use linkdyn_step_part, only: listed
+    use linkdyn_scene, only: law_over, pulls_in_line, n_stop, n_clutch
+    use linkdyn_step_part, only: listed, letters_of
     implicit none (type, external)
     private
     public :: describe_alike
@@ -71,7 +72,7 @@ contains
                         + size(model%payload) + size(model%motor) + n_stop(scene) + n_clutch(scene) + size(scene%laws%law) == 0 &
                         .and. model%share%n == 0 .and. .not. (model%share%may_gape .or. scene%base%moves) &
                         .and. all(model%link%spin == 0) .and. all(model%joint%kind /= joint_cam) &
-                        .and. all(scene%spring%force%kind /= law_over)
+                        .and. all(scene%spring%force%kind /= law_over .and. .not. pulls_in_line(scene%spring))
         end associate
     end function is_listed
 
@@ -95,12 +96,7 @@ contains
                 varies(k:k + 17) = varies(k:k + 17) .and. abs(number(k:k + 17)) /= 1
             end do
         end do
-        pattern = repeat("0", at%n)
-        do k = 1, at%n
-            if (number(k) > 0) pattern(k:k) = "+"
-            if (number(k) < 0) pattern(k:k) = "-"
-            if (varies(k)) pattern(k:k) = "x"
-        end do
+        pattern = letters_of(number, varies)
         varying = pack([(k, k=1, at%n)], varies)
     end subroutine find_pattern
 end module linkdyn_alike_models

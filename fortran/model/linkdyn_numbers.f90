@@ -6,7 +6,7 @@ module linkdyn_numbers
     use linkdyn_scene, only: frame_link
     implicit none (type, external)
     private
-    public :: number_places, place_numbers, collect_numbers
+    public :: number_places, place_numbers, collect_numbers, numbers_of
 
     integer, parameter :: of_link = 10         !! mass, cog (3), inertia (6: Ixx Iyy Izz Ixy Iyz Izx)
     integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
@@ -70,6 +70,17 @@ contains
         at%motor = [(at%n + i, i=1, size(model%motor))]
         at%n = at%n + size(model%motor)
     end subroutine place_numbers
+
+    !> The whole list.
+    pure function numbers_of(model) result(number)
+        type(model_type), intent(in) :: model
+        real(wp), allocatable :: number(:)
+        type(number_places) :: at
+
+        call place_numbers(model, at)
+        allocate (number(at%n))
+        call collect_numbers(model, at, number)
+    end function numbers_of
 
     pure subroutine collect_numbers(model, at, number)
         type(model_type), intent(in) :: model

@@ -14,7 +14,7 @@ module linkdyn_step_part
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: step_part, take_step, describe_steps, listed
+    public :: step_part, take_step, describe_steps, listed, letters_of
 
     type :: step_part
         type(model_type) :: model                      !! of the part
@@ -298,18 +298,23 @@ contains
                 part%key = part%key//bits_of(part%model%scene%joint(led%source)%start(1))
             end associate
         end do
-        do k = 1, at%n
-            if (part%varies(k)) then
-                part%key = part%key//"x"
-            else if (part%number(k) == 0) then
-                part%key = part%key//"0"
-            else if (part%number(k) > 0) then
-                part%key = part%key//"+"
-            else
-                part%key = part%key//"-"
-            end if
-        end do
+        part%key = part%key//letters_of(part%number, part%varies)
     end subroutine end_part
+
+    !> What each number is for a key: one that varies, zero, or of which sign.
+    pure function letters_of(number, varies) result(letters)
+        real(wp), intent(in) :: number(:)
+        logical, intent(in) :: varies(:)
+        character(len=size(number)) :: letters
+        integer :: k
+
+        letters = repeat("0", size(number))
+        do k = 1, size(number)
+            if (number(k) > 0) letters(k:k) = "+"
+            if (number(k) < 0) letters(k:k) = "-"
+            if (varies(k)) letters(k:k) = "x"
+        end do
+    end function letters_of
 
     !> Whole numbers in a row, each behind a space.
     pure function listed(numbers) result(text)
