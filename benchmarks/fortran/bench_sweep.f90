@@ -16,7 +16,7 @@ program bench_sweep
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: parse_scene
-    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_scene_variant, only: variants_of
     use linkdyn_status, only: status_type
     use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, finish_sweep
     use linkdyn_sweep_chunk, only: kept_chunk
@@ -143,7 +143,7 @@ contains
         real(wp) :: best
         integer :: k
 
-        call start_sweep(scene, scene_variants(scene, folder_of(trim(scene%file))), solver_elimination, run, status)
+        call start_sweep(scene, variants_of(scene, folder_of(trim(scene%file))), solver_elimination, run, status)
         if (.not. status%is_ok()) return
         allocate (part(threads), kept(threads))
         best = huge(1.0_wp)
