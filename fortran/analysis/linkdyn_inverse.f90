@@ -132,8 +132,9 @@ module linkdyn_inverse
         end subroutine count_turns_about
 
         !> Joint angles of samples that follow each other get the turns that they make on the straight way from one to the next.
-        module subroutine count_turns_on_way(model, q, qd, rate, assembly, variable, turns)
+        module subroutine count_turns_on_way(model, closing, q, qd, rate, assembly, variable, turns)
             type(model_type), intent(in) :: model
+            type(closing_programs), pointer, intent(in) :: closing    !! of the groups' steps; null: there are none
             real(wp), intent(in) :: q(:, :), qd(:, :)      !! (n_q, n)
             real(wp), intent(in) :: rate(:, :)             !! of the joint variables (n_variable, n)
             type(sample_assembly), intent(in) :: assembly  !! of the samples; empty: there is but one
@@ -184,8 +185,9 @@ contains
         if (options%by_record .and. any(options%solver == [solver_elimination, solver_reduced]) .and. .not. (options%wants_errors &
             .or. options%wants_rcond .or. options%wants_distance)) then
             allocate (solver%records)
-            if (size(model%group) > 0) allocate (solver%closing)
         end if
+        ! whatever is asked of the equations, the way to them is the same
+        if (options%by_record .and. size(model%group) > 0) allocate (solver%closing)
     end subroutine prepare_inverse
 
     !> Give the scratch back. No batch may be running.
@@ -353,7 +355,7 @@ contains
             if (present(own)) then
                 call count_turns_about(own, results%joint_variable, turns)
             else
-                call count_turns_on_way(model, q, qd, results%joint_rate, assembly, results%joint_variable, turns)
+                call count_turns_on_way(model, solver%closing, q, qd, results%joint_rate, assembly, results%joint_variable, turns)
             end if
             if (allocated(own_rate)) nullify (results%joint_rate)
         end if

@@ -39,6 +39,7 @@ contains
                         options%wants_forces = .false.
                         options%by_record = .false.
                         call prepare_inverse(model, options, .false., solver, status)
+                        call step_alike()
                     end if
                     call turn_on_way(model, solver, angles, turns, q(:, i), turned)
                 end if
@@ -46,9 +47,18 @@ contains
             call count_sample(angles, turns%before + turned, variable(:, i), q(:, i))
             call come_to_sample(i)
         end do
+        nullify (solver%closing)                           ! is somebody else's
         if (associated(solver%pool)) call solver%free()
 
     contains
+
+        !> Groups are led as they were from sample to sample, if programs were made for that.
+        subroutine step_alike()
+            if (.not. associated(closing)) return
+            if (.not. closing%is_tried) return
+            solver%closing => closing
+            solver%n_expected = worth_closing
+        end subroutine step_alike
 
         subroutine come_to_sample(i)
             integer, intent(in) :: i

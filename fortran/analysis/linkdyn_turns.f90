@@ -10,7 +10,7 @@ module linkdyn_turns
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, is_length, scene_size
-    use linkdyn_scene, only: joint_n_variable
+    use linkdyn_scene, only: joint_n_variable, joint_spherical, frame_link
     use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
@@ -37,6 +37,7 @@ module linkdyn_turns
         integer, allocatable :: of_joint(:)            !! which of its variables
         integer, allocatable :: variable(:)            !! of all joint variables
         integer, allocatable :: coordinate(:)          !! that it is; 0: none
+        logical, allocatable :: is_idle(:)             !! of a ball that an idle spin turns: it says nothing, and may pass its pole
         real(wp), allocatable :: weight(:)             !! of the coordinates in steps: lengths over the scene's size (n_q) [1, 1/m]
     end type turning_angles
 
@@ -47,7 +48,7 @@ contains
         type(turning_angles), intent(out) :: angles
         integer :: j, k, v
 
-        allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0))
+        allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0), angles%is_idle(0))
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 if (.not. wraps(model%joint(j)%told_kind, v)) cycle
@@ -55,6 +56,7 @@ contains
                 angles%of_joint = [angles%of_joint, v]
                 angles%variable = [angles%variable, model%joint(j)%first_variable + v]
                 angles%coordinate = [angles%coordinate, coordinate_of(model, j, v)]
+                angles%is_idle = [angles%is_idle, is_idle(model, j)]
             end do
         end do
         allocate (angles%weight(model%n_q), source=1.0_wp)
@@ -62,6 +64,16 @@ contains
             if (is_length(model, k)) angles%weight(k) = 1/scene_size(model)
         end do
     end subroutine list_turning
+
+    !> Is a joint a ball on a link that spins idly?
+    pure logical function is_idle(model, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint
+
+        associate (link => pack(model%joint(joint)%link, model%joint(joint)%link /= frame_link))
+            is_idle = model%joint(joint)%told_kind == joint_spherical .and. any(model%link(link)%spin > 0)
+        end associate
+    end function is_idle
 
     !> The turns that a sample's angles have where they are about.
     pure subroutine count_sample(angles, about, value, q)
@@ -94,6 +106,7 @@ contains
     !>
     !> Believed where the step is a quarter turn at most, where rates differ by no more than a quarter turn, and where the angles
     !> as they are measured agree to an eighth of a turn. A turn that all this overlooks would have to come and go within the step.
+    !> Angles that say nothing are not asked.
     pure subroutine turn_at_mean_rates(angles, step, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
         type(turning_angles), intent(in) :: angles
         real(wp), intent(in) :: step(:)                          !! (n_q)
@@ -114,6 +127,7 @@ contains
             associate (v => angles%variable(i))
                 at_end = [rate(v), rate_there(v)]*duration
                 turned(v) = at_end(1) + at_end(2)
+                if (angles%is_idle(i)) cycle
                 if (all(duration /= 0)) is_sure = is_sure .and. abs(at_end(2) - at_end(1)) <= pi/4
                 is_sure = is_sure .and. abs(least_angle(value_there(v) - value(v) - turned(v))) <= pi/4
             end associate
