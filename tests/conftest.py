@@ -23,7 +23,7 @@ METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs", "seulex")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """For builds that show faults of code, whatever the numbers: checked, sanitized."""
-    parser.addoption("--cases", type=int, help="of each test with parameters at most so many, evenly spread")
+    parser.addoption("--cases", type=int, help="of each test with parameters at most so many, evenly spread; a third of it of thorough ones")
 
 
 @pytest.hookimpl(trylast=True)
@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
     chosen = set()
     for cases in tests.values():
-        n = min(most, len(cases))
+        n = min(max(1, most // 3) if cases[0].get_closest_marker("thorough") else most, len(cases))
         apart = (len(cases) - 1) / max(n - 1, 1)
         chosen |= {id(cases[round(i * apart)]) for i in range(n)}
     config.hook.pytest_deselected(items=[item for item in items if id(item) not in chosen])

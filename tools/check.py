@@ -2,8 +2,8 @@
 
 Usage: check.py [NAME ...]
 
-Names are `test`, the tests of the ordinary build as `make test` runs them but with more of the fuzzer's cases, the ways below, and `blas`. Without a name: all. The last line is `N passed,
-N failed`, exit status 1 if anything failed. What cannot run on this machine is said before it.
+Names are `test`, all tests of the ordinary build (`make test` leaves the thorough ones out, and takes fewer of the fuzzer's cases),
+the ways below, and `blas`. Without a name: all. The last line is `N passed, N failed`, exit status 1 if anything failed. What cannot run on this machine is said before it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from run_tests import ROOT, Count, close, run_all, run_fortran, run_python
 BUILD = ROOT / "build"
 ORDINARY = BUILD / "wheel"
 TWIN = BUILD / "real128"
-ACCURACY = ("-m", "accuracy and not long", "--cases", "6")
+ACCURACY = ("-m", "accuracy and not long", "--cases", "3")
 """Long runs never come to LAPACK; the ordinary build runs all cases."""
 FUZZ_CASES = "2000"
 """Of the ordinary build; `make test` takes fewer."""
@@ -44,6 +44,8 @@ class Way:
     lacks: Callable[[], str] = str
     """Why it cannot run here; empty: it can."""
     precision: str = "real64"
+    build_of: str = ""
+    """Another way whose build serves, and whose Fortran suites do; empty: its own."""
 
 
 # ------------------------------------------------------------------------------------------------ what a machine has
@@ -70,7 +72,7 @@ def sanitized() -> dict[str, str]:
         "ASAN_OPTIONS": "detect_leaks=0",
         "UBSAN_OPTIONS": "halt_on_error=1:print_stacktrace=1",
         "LINKDYN_FUZZ_PATIENCE": "20",
-        "LINKDYN_FUZZ_CASES": "200",
+        "LINKDYN_FUZZ_CASES": "100",
     }
 
 
@@ -88,6 +90,8 @@ def lacks_instructions(*flags: str) -> Callable[[], str]:
     return lacks
 
 
+BY_MPI = () if lacks_mpi() else ("-Dmpi=enabled",)
+
 WAYS = {
     "checked": Way(
         "bounds, pointers and memory looked at while running, what was never set is NaN; 4 lanes, SSE2 alone, without GSL",
@@ -102,25 +106,26 @@ WAYS = {
         "addresses, undefined behaviour of C and C++ and, without Python, leaks looked at while running",
         # of Fortran's own rules `checked` looks at more
         (*OPTIMIZED_LITTLE, "-Db_sanitize=address,undefined", "-Db_lundef=false", "-Dfortran_args=-fno-sanitize=undefined"),
-        ("tests/cli", "tests/fuzz"),
+        ("tests/cli", "tests/fuzz", "--cases", "60"),
         sanitized,
         lacks_sanitizers,
     ),
     "quadruple": Way("the Fortran suites in quadruple precision", (), (), precision="real128"),
     "lanes32": Way(
         "32 lanes, AVX2 in records' code too, without OpenMP",
-        (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
-        ("tests", "-m", "(accuracy or lanes) and not long", "--cases", "6"),
+        (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled", *BY_MPI),
+        ("tests", "-m", "(accuracy or lanes) and not long", "--cases", "3"),
         lambda: {"LINKDYN_CODE": "avx2"},
         lacks=lacks_instructions("avx2", "fma"),
     ),
     "mpi": Way(
         "sweeps over the processes of mpirun",
-        (*OPTIMIZED_LITTLE, "-Dmpi=enabled"),
+        (),
         # OpenMPI's own files outgrow the limit that stands for a full disk
         ("tests/cli/test_sweep.py", "tests/faults/test_processes.py", "-k", "not full_disk"),
         lambda: {"LINKDYN_HAS_MPI": "1"},
-        lacks_mpi,
+        lambda: lacks_mpi() or lacks_instructions("avx2", "fma")(),
+        build_of="lanes32",
     ),
 }
 """Names are those of `make check-NAME`."""
@@ -138,13 +143,14 @@ KERNELS = {
 def run_way(name: str) -> Count:
     """Build it in a folder of its own, install it beside itself, run its tests."""
     way = WAYS[name]
-    folder = TWIN if way.precision == "real128" else BUILD / f"check-{name}"
-    options = () if way.precision == "real128" else ("-Dpython=enabled", *way.options)
+    built = way.build_of or name
+    folder = TWIN if way.precision == "real128" else BUILD / f"check-{built}"
+    options = () if way.precision == "real128" else ("-Dpython=enabled", *WAYS[built].options)
     if not build(folder, ("-Dtests=true", *options), way.precision):
         return Count(failed=1)
     environment = way.environment()
     quiet = {key: value for key, value in environment.items() if key not in ("LD_PRELOAD", "ASAN_OPTIONS")}
-    count = run_fortran(folder, way.precision, quiet)
+    count = Count() if way.build_of else run_fortran(folder, way.precision, quiet)
     if way.tests:
         site = next(iter(folder.glob("stage/**/linkdyn/__init__.py"))).parent.parent
         twin = {"LINKDYN_REAL128": str(TWIN / "app" / "linkdyn-real128")}

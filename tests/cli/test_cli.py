@@ -58,6 +58,7 @@ def test_bad_scene_is_refused_in_one_line(file, tmp_path):
         linkdyn.load(file)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("twin", [False, True])
 def test_study(twin, tmp_path):
     """Every method is measured; a tighter tolerance errs less; the advice is good enough; the reference is named."""
@@ -138,6 +139,7 @@ def printed_rms(said):
     return float(lines[next(i for i, line in enumerate(lines) if line.endswith(" rms")) + 1].split()[-1])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("threads", [1, 2])
 def test_one_rms(threads, tmp_path):
     """Uneven instants over several blocks, samples that fail in the middle and beside blocks' ends: summary, accessor and sheet."""

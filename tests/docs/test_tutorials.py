@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from pages import TUTORIALS, code_of, run_page  # noqa: E402
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_runs(page, tmp_path):
     done = run_page(page, tmp_path)

@@ -50,6 +50,7 @@ def python(script: str) -> subprocess.CompletedProcess:
                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("call", CALLS)
 def test_ctrl_c_is_heard(call):
     """Within seconds of computing, where the calls would take minutes."""
@@ -105,6 +106,7 @@ def test_a_handler_that_goes_on_during_a_run():
     assert result.stdout == "went on True\n", result
 
 
+@pytest.mark.thorough
 def test_calls_in_other_threads_are_not_disturbed():
     """Ctrl-C is the main thread's: what other threads compute comes out whole."""
     result = python("""
@@ -123,6 +125,7 @@ def test_calls_in_other_threads_are_not_disturbed():
     assert result.stdout == "heard\nTrue\n", result
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("call", [
     "platform.solve(np.repeat(q, 999, axis=0), threads={n})",
     "platform.ensemble(np.repeat(q, 99, axis=0), np.repeat(qd, 99, axis=0), [0, 0.01], threads={n})",

@@ -121,6 +121,7 @@ def test_pipes_are_written_through(writer, folder):
     assert len(got) > 100 and stat.S_ISFIFO(pipe.lstat().st_mode)
 
 
+@pytest.mark.thorough
 def test_links_are_followed(writer, folder, devices):
     ending, write = writer
     (folder / "data").mkdir()
@@ -276,6 +277,7 @@ def executed(*words: str) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-m", "linkdyn", *words], capture_output=True, timeout=120)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", [["draw"], ["view", "--no-open"], ["assemblies", "--picture", "x\x1b.png"], ["balance"], ["balance", "-o", "x\x1b.png"],
                                    ["inverse", "--sheet", "x\x1b\u009b.pdf"], ["draw", "-o", "no\x1b/x.png"], ["draw", "--at", "\x1b1"],
                                    ["view", "-o", "no\x1b/x.html"], ["convert", "-o", "x\x1b.xml"]], ids=" ".join)  # fmt: skip

@@ -71,6 +71,7 @@ def test_interrupted_it_goes_on(file, interrupted, names):
     assert names() == ["run.nc", "scene.toml"]
 
 
+@pytest.mark.thorough
 def test_the_executable_goes_on_with_it(file, interrupted, program, names):
     result = program("sweep", file, "-o", interrupted, "--resume", *BY_COMMAND)
     assert result.returncode == 0, result.stderr
@@ -79,12 +80,14 @@ def test_the_executable_goes_on_with_it(file, interrupted, program, names):
     assert names() == ["run.nc", "scene.toml"]
 
 
+@pytest.mark.thorough
 def test_what_the_executable_has_begun_goes_on(file, interrupt_sweep, tmp_path):
     output = tmp_path / "run.nc"
     interrupt_sweep(file, output)
     assert is_same(linkdyn.load(file).sweep(output=output, resume=True, **OPTIONS), whole(file))
 
 
+@pytest.mark.thorough
 def test_killed_it_goes_on(file, wait_for, names, tmp_path):
     output = tmp_path / "run.nc"
     program = f"""
@@ -99,6 +102,7 @@ def test_killed_it_goes_on(file, wait_for, names, tmp_path):
     assert names() == ["run.nc", "scene.toml"]
 
 
+@pytest.mark.thorough
 def test_results_that_cannot_be_written_are_not_lost(file, names, monkeypatch, tmp_path):
     """All is computed, the disk is full: once more, and nothing is computed again."""
     output = tmp_path / "run.nc"

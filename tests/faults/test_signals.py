@@ -49,6 +49,7 @@ def start(arguments: list[str], folder: Path, **options) -> subprocess.Popen:
     return subprocess.Popen([executable(), *arguments], cwd=folder, stdout=subprocess.DEVNULL, **options)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 @pytest.mark.parametrize("endless", COMMANDS, indirect=True)
 def test_sign_of_life_and_first_signal(endless, signal_number, tmp_path):
@@ -74,6 +75,7 @@ def test_sign_of_life_and_first_signal(endless, signal_number, tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("method", "stiffness"), [("rk8pd", "1e9"), ("gbs", "1e9"), ("seulex", "1e12")])
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_signal_between_output_instants(method, stiffness, signal_number, tmp_path):
@@ -111,6 +113,7 @@ def test_no_sign_where_nobody_looks(tsai, tmp_path):
     assert (tmp_path / "log").read_text() == ""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
 @pytest.mark.parametrize("command", ["forward", "inverse", "sweep"])
 def test_ignored_signals_stay_ignored(command, signal_number, tsai, tmp_path):

@@ -43,6 +43,7 @@ def flip_a_bit_of_the_head(data: bytearray) -> bytes:
 DAMAGES = [truncate, empty, flip_a_bit, flip_a_bit_of_the_head]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_spool_is_not_gone_on_with(damage, scene, interrupt_sweep, refused, program, tmp_path):
     output = tmp_path / "run.nc"
@@ -56,6 +57,7 @@ def test_a_damaged_spool_is_not_gone_on_with(damage, scene, interrupt_sweep, ref
     assert program("sweep", scene, "-o", output, "--resume", *OPTIONS).returncode == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_checkpoint_is_not_gone_on_with(damage, scene, interrupt_sweep, refused, tmp_path):
     output = tmp_path / "run.nc"
@@ -81,6 +83,7 @@ def test_the_spool_of_another_run_is_told(scene, interrupt_sweep, refused, tmp_p
     refused("sweep", scene, "-o", tmp_path / "one.nc", "--resume", *OPTIONS, says="belongs to another")
 
 
+@pytest.mark.thorough
 def test_a_spool_left_over_is_begun_anew(scene, same, program, tmp_path):
     """Killed before its first checkpoint, with some samples kept: nothing of them gets into the results."""
     whole, output, victim = tmp_path / "whole.nc", tmp_path / "run.nc", tmp_path / "victim"
@@ -94,6 +97,7 @@ def test_a_spool_left_over_is_begun_anew(scene, same, program, tmp_path):
     assert victim.read_text() == "precious"
 
 
+@pytest.mark.thorough
 def test_killed_at_any_moment(scene, start_sweep, same, program, names, tmp_path):
     """Killed again and again, while it computes, keeps and writes: what comes out in the end is the same, nothing else stays."""
     whole, output = tmp_path / "whole.nc", tmp_path / "run.nc"
@@ -117,6 +121,7 @@ def test_killed_at_any_moment(scene, start_sweep, same, program, names, tmp_path
     assert names() == ["run.nc", "scene.toml", "whole.nc"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["run.nc", "link.nc"])
 def test_one_sweep_at_a_time_writes_to_a_file(name, scene, start_sweep, wait_for, program, refused, tmp_path):
     """The second one is refused and told who is at it, also by another name of the file; the first one goes on."""
@@ -142,6 +147,7 @@ def test_a_lock_ends_with_its_holder(scene, interrupt_sweep, program, tmp_path):
     assert program("sweep", scene, "-o", output, "--resume", *OPTIONS).returncode == 0
 
 
+@pytest.mark.thorough
 def test_many_at_once(scene, start_sweep, tmp_path):
     """Of several that start together one writes, and the others are told."""
     output = tmp_path / "run.nc"

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from fuzz_cases import Report  # noqa: E402
 from fuzz import search_part  # noqa: E402
 
-CASES = int(os.environ.get("LINKDYN_FUZZ_CASES", "500"))
+CASES = int(os.environ.get("LINKDYN_FUZZ_CASES", "200"))
 PART = 100
 
 

@@ -125,6 +125,7 @@ PICTURES: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("picture", "argument"), [(name, key) for name, (_, good) in PICTURES.items() for key in good])
 @pytest.mark.filterwarnings("ignore")
 def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):

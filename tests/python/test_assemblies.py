@@ -210,6 +210,7 @@ def goes_straight(errors: Any, q0: NDArray[np.float64], q1: NDArray[np.float64],
     return origin
 
 
+@pytest.mark.thorough
 def test_hexaglide_samples_on_their_own() -> None:
     """Where the straight way from the start ends in a fold a sample has no number, elsewhere it has the right one."""
     description = read("pus6_fold.toml")

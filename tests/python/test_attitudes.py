@@ -71,6 +71,7 @@ def test_ball_joint_starts_at_its_pole(method: str, pitch: float) -> None:
     assert steps[0] <= steps[1] + 10
 
 
+@pytest.mark.thorough
 def test_angles_and_rates_of_a_ball_joint() -> None:
     """The angles told turn by the rates told, and those by the accelerations, away from the pole."""
     t = np.linspace(0.0, 0.5, 50001)

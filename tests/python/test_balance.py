@@ -160,6 +160,7 @@ def command(*words, folder):
     return subprocess.run([sys.executable, "-m", "linkdyn", *words], cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.thorough
 def test_command(tmp_path):
     (tmp_path / "scene.toml").write_text(engine().text)
     said = command("balance", "scene.toml", "--minimise", "harmonics", "-o", "b.png", folder=tmp_path)

@@ -52,6 +52,7 @@ def agree(first: Any, second: Any, digits: float = 1e-11) -> None:
     np.testing.assert_allclose(a, b, rtol=0, atol=digits * np.abs(a).max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", LEGS)
 def test_platform_on_legs(kind: str) -> None:
     """Without any start but what the chain says: power balances, other solvers and virtual work agree, so do single samples and
@@ -90,6 +91,7 @@ def drive_of(kind: str) -> str:
     return {"UCU": "C.slide", "R": "R.angle"}.get(kind, "R.angle" if kind.startswith("R") else "P.slide")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("first", "second"), [("UPS", "SPS"), ("UPS", "UCU"), ("UPS", "cylinder"), ("PUS", "PSS"), ("RUS", "RSS")])
 def test_thin_rods_need_no_universal_joints(first: str, second: str) -> None:
     """Links without inertia about themselves: what holds their spin takes no moment, whichever joint it is."""
@@ -214,6 +216,7 @@ def test_three_upu() -> None:
     np.testing.assert_allclose(poses.rotation[:, 0], np.tile(np.eye(3), (len(run.q), 1, 1)), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_delta_with_its_rods() -> None:
     """Parallelograms keep the platform level, and take the torques of single rods between universal joints."""
     real, plain = (linkdyn.Scene(delta(kind)) for kind in ("R(SS)2", "RUU"))

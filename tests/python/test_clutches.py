@@ -136,6 +136,7 @@ def incline(capacity: Any, **parts: Any) -> linkdyn.Scene:
 WEIGHT = 3 * 9.81 / 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_on_a_slope_does_not_creep(method):
     run = run_or_skip(incline(15), method, t=np.linspace(0, 1000, 11), **({"step": 0.1} if method == "rk4" else {}))
@@ -279,6 +280,7 @@ def test_power_balances_while_a_joint_rubs_and_sticks():
     assert (run.qd.values[held, 1] == 0).all() and held.any()
 
 
+@pytest.mark.thorough
 def test_an_angle_that_is_no_coordinate_is_held_without_creep():
     # Led by the lower link's attitude: the hinge B is no coordinate, and what holds it is not linear in those.
     data = arms(clutch=[{"name": "L", "joint": "C"}])
@@ -481,6 +483,7 @@ def empty_belt() -> dict[str, Any]:
     return {"space": "planar", "gravity": [0, 0], "frame": {"markers": {"O": axis}}, "actuator": [{"joint": "b"}], "time": {"end": 2}}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("planar", [True, False])
 def test_a_hinge_sticks_by_its_own_load(planar):
     # A lever on a thick pin: gravity's moment m g a cos(q) against mu r F. It rests wherever that is less.
@@ -629,6 +632,7 @@ def push(v: list[float], m: list[float], i: int, impulse: float) -> None:
         v[q] -= impulse / m[q]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_several_rub_stick_and_let_go_as_time_steps_find(seed):
     d = three_masses(seed)

@@ -73,6 +73,7 @@ def test_every_solver_has_lapacks(case: Case) -> None:
         assert np.median(np.abs(ratio - 1) / rounding) < 1, solver
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
 @pytest.mark.parametrize("name", ["fichter", "four_bar_change_point", "dead_centre_outer", "stretched_dyad", "example_stewart_tsai"])
 def test_near_singular_positions(name: str) -> None:

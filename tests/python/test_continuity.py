@@ -146,7 +146,7 @@ def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
 
 
 MOTIONS = [
-    pytest.param(file, reach, seed, marks=[pytest.mark.long] * (seed > 0), id=f"{names(file)}-{reach}-{seed}")
+    pytest.param(file, reach, seed, marks=[pytest.mark.long, pytest.mark.thorough] * (seed > 0), id=f"{names(file)}-{reach}-{seed}")
     for file in SCENES for reach in REACH for seed in range(1 if names(file) in SLOW else 2)
 ]
 
@@ -208,6 +208,7 @@ def test_order_and_batches_do_not_matter(file: Path) -> None:
         np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), values[order], err_msg=name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("file", SCENES, ids=names)
 def test_threads_do_not_matter_in_order(file: Path) -> None:
     """Nor for a motion that is followed."""

@@ -146,6 +146,7 @@ METHODS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_slider_crank_by_its_piston(method: str) -> None:
     """Many turns with the piston's slide for coordinate are those of the free crank, and as exact."""
@@ -197,6 +198,7 @@ def test_coordinates_stay_the_users() -> None:
     np.testing.assert_allclose(np.sin(run.transmission_angle.values[:, 0]), abs(np.sin(angle)), rtol=0, atol=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["rk8pd", "gbs", "rkf45"])
 def test_energy_through_dozens_of_exchanges(method: str) -> None:
     """Every coordinate comes to its dead points; what energy is lost is the integrator's."""
@@ -521,6 +523,7 @@ def test_no_exchange_without_dead_point() -> None:
 SCENES = Path(__file__).resolve().parent / "scenes"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("tolerance", "within"), [(1e-9, 2e-6), (1e-6, 1e-4)])
 @pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
 @pytest.mark.parametrize(("name", "end"), [("fivebar_by_tip", 0.281655), ("hooke_by_angle", 0.365021)])
@@ -538,6 +541,7 @@ def test_nothing_is_thrown_back(name: str, end: float, method: str, tolerance: f
     assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=within)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
 @pytest.mark.parametrize(("name", "coordinates"), [("fivebar_by_tip", ("r1.C.x", "r1.C.y")), ("hooke_by_angle", ("U.angle1", "U angle1", "U"))])
 def test_one_message_for_a_dead_point(name: str, coordinates: tuple[str, ...], method: str) -> None:
@@ -562,6 +566,7 @@ def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
     assert run.event_time.values[0] == pytest.approx(0.281655, abs=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
 @pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
 @pytest.mark.parametrize(("name", "end", "other"), [

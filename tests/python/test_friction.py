@@ -724,6 +724,7 @@ def test_energy_goes_into_friction() -> None:
     np.testing.assert_allclose(other.q, run.q, atol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["rsur", "hexaglide", "excavator"])
 def test_long_batches(name: str) -> None:
     """Batches worth a program, closed by iteration too: as by the dense solver."""
@@ -738,6 +739,7 @@ def test_long_batches(name: str) -> None:
         np.testing.assert_allclose(run[quantity].values, values, rtol=1e-9, atol=1e-10 * np.abs(values).max())
 
 
+@pytest.mark.thorough
 def test_grows_steadily_until_it_locks() -> None:
     """With growing coefficients forces change without a jump until a sample locks, and it stays locked."""
     text = CRANK.format(rod=1.1, rod_inertia=0.014, slide='"2*s"').replace("coulomb = 0.2", 'coulomb = "2*s"')

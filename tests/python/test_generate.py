@@ -219,6 +219,7 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
+@pytest.mark.thorough
 @pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "fivebar_by_gears", "fivebar_by_gears_3d",
                                   "wheel_by_coupler", "../../examples/tripod/scene", "../../examples/agile_eye/scene"])
@@ -444,6 +445,7 @@ def test_two_threads(tmp_path: Path) -> None:
             assert together == alone
 
 
+@pytest.mark.thorough
 def test_written_while_others_compute() -> None:
     """Whoever makes a record waits for texts: neither keeps the other waiting for ever."""
     program = """

@@ -52,6 +52,7 @@ def ratios(case: Case, solver: str, exact: dict[str, np.ndarray]) -> np.ndarray:
     return ratio_to_estimate(true_errors(forces_of(run), exact[case.name]), forces_of(run, "_error"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_estimates_hold(solver: str, exact: dict[str, np.ndarray]) -> None:
     """Of each case and of all together. Data that are exact doubles by chance make the estimates of some cases vague, since

@@ -95,6 +95,7 @@ def test_a_driven_crank_at_its_dead_centres() -> None:
     assert between(results["joint_variable"][~dead, 0], want).max() < 1e-12
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
 def test_forces_and_estimates() -> None:
     """Against the twin along the same motion: estimates hold, and no solver is worse than the data."""

@@ -143,6 +143,7 @@ def test_poses_beyond_all_numbers(tsai):
     assert poses.status[1] != 0 or (np.isfinite(poses.position[1]).all() and np.isfinite(poses.rotation[1]).all())
 
 
+@pytest.mark.thorough
 def test_every_result_of_every_example_is_sound(tmp_path):
     """With all that can be wanted."""
     for file in sorted((ROOT / "examples").glob("*/scene.toml")):

@@ -118,6 +118,7 @@ def exact_row(t: list[float]) -> list[float]:
     return angles
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_tolerances_of_a_row_of_parallelograms() -> None:
     """Twenty seconds, twenty times through change points, where the error is rounding: steps that leave 1e-9 (1 + 2 pi) each
@@ -133,6 +134,7 @@ def test_tolerances_of_a_row_of_parallelograms() -> None:
     assert "above the tolerance" in runs[1e-14].attrs["rounding"]
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1.11e-9, 1.03e-12])
 def test_no_sample_is_lost_where_a_step_ends(tolerance: float) -> None:
@@ -142,6 +144,7 @@ def test_no_sample_is_lost_where_a_step_ends(tolerance: float) -> None:
     assert not run.status.values.any()
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_row_of_parallelograms() -> None:
     """Forty in a row come to their change points all at once, twenty times, the last one known the worst: the run goes through

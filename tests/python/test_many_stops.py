@@ -48,16 +48,19 @@ def assert_energy_is_lost_by_impacts_alone(run: xr.Dataset) -> None:
 
 
 # They lost a contact or chattered until 2026-11.
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1007, 1014])
 def test_triple_pendulums_with_three_stops(seed):
     compare("triple", seed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [102, 106])
 def test_double_pendulums_with_two_stops(seed):
     compare("double", seed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1001, 1005, 1006, 1008])
 def test_five_bars_with_three_stops(seed):
     compare("five-bar", seed)

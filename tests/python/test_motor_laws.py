@@ -320,6 +320,7 @@ TWINS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", TWINS)
 def test_quadruple_precision(case: str, tmp_path: Path) -> None:
     """The same steps in 34 digits: states, losses and forces agree to rounding."""

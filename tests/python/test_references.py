@@ -199,6 +199,7 @@ def test_drilling_tables_are_what_their_script_plans():
     assert load[:, 1].min() == pytest.approx(min(row.get("Fz1", 0) for row in plan.load), rel=1e-8)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", DATA_SETS)
 def test_reference_is_what_the_oracle_says(name):
     """The last state of each file, solved anew (all of them: run the script)."""

@@ -43,6 +43,7 @@ def example(name: str, changes: dict | None = None) -> linkdyn.Scene:
     return scene.with_(changes) if changes else scene
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
 def test_estimates_hold_against_the_twin() -> None:
     """As often as promised, and not vaguely: from loose tolerances to where rounding is all that is left."""
@@ -67,6 +68,7 @@ def folding_slider_crank(folder: Path) -> Path:
     return file
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
 @pytest.mark.parametrize("name, end", [("near_parallelogram", 0.625), ("row", 1.0), ("slider_crank", 0.5)])
 def test_estimates_near_change_points(name: str, end: float, tmp_path: Path) -> None:
@@ -92,6 +94,7 @@ def test_estimates_near_change_points(name: str, end: float, tmp_path: Path) -> 
     assert_holds(together, name, PROMISED)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["fourbar_constant_torque", "rcsp_start", "andrews"])
 def test_estimates_hold_against_references(name: str) -> None:
     """Solutions in 50 digits that share nothing with the engine: states at a few instants."""

@@ -41,6 +41,7 @@ def test_numbers_are_those_of_the_run(six_bar, tmp_path):
     assert "Warnings" not in tables
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", list(kinds()))
 def test_every_kind_has_a_sheet(kind, tmp_path):
     scene = linkdyn.new(kind)
@@ -192,12 +193,14 @@ def test_sheet_of_a_run(tmp_path):
         assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1
 
 
+@pytest.mark.thorough
 def test_sheet_of_a_run_with_failed_samples(crossing, tmp_path):
     (tmp_path / "scene.toml").write_text(linkdyn.Scene(crossing).text)
     said = command("inverse", "scene.toml", "--sheet", "out.html", folder=tmp_path)
     assert said.returncode == 3 and "Warnings" in read(tmp_path / "out.html")[1], said.stderr
 
 
+@pytest.mark.thorough
 def test_draw(tmp_path):
     (tmp_path / "scene.toml").write_text(linkdyn.new("excavator").text)
     said = command("draw", "scene.toml", folder=tmp_path)

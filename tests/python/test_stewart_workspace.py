@@ -18,6 +18,7 @@ example = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(example)
 
 
+@pytest.mark.thorough
 def test_runs(tmp_path, monkeypatch, capsys):
     few = {"x": 3, "y": 3, "z": 2, "roll": 2, "pitch": 2, "yaw": 1}
     for name in ("QUICK", "KEPT", "STUDY"):

@@ -12,6 +12,7 @@ import pytest
 matplotlib.use("Agg")
 
 
+@pytest.mark.thorough
 def test_study_of_a_scene(tmp_path):
     """Rows of both analyses; a Dataset that a picture can be drawn from; a scene that cannot run says why."""
     scene = linkdyn.load("examples/rcsp_start/scene.toml")
@@ -30,6 +31,7 @@ def test_study_of_a_scene(tmp_path):
         linkdyn.Scene(still).study()
 
 
+@pytest.mark.thorough
 def test_an_unstable_motion_is_called_so():
     """The five-bar under the torques of its motion, with nothing to hold it there: errors grow tenfold every 0.16 s."""
     report = linkdyn.load("examples/fivebar_parallel/scene.toml").study().attrs["report"]

@@ -178,6 +178,7 @@ def segment_distance(a: np.ndarray, b: np.ndarray) -> float:
     return best
 
 
+@pytest.mark.thorough
 def test_swing_and_clearance(swept, grid, tmp_path):
     swept["sweep"]["clearance"] = {"diameter": 0.05}
     given = np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, -1.0])
@@ -580,6 +581,7 @@ def test_designs_share_equations_and_no_numbers(tsai, solver, has_spring):
     np.testing.assert_allclose(swept.driving_force_max, found, rtol=1e-11)
 
 
+@pytest.mark.thorough
 def test_many_designs_by_values(tmp_path):
     """Lists of values as long as there are designs: minutes, and hours of more of them, where each design reads the lists once more."""
     scene = linkdyn.load(Path(__file__).parents[2] / "examples" / "sixbar_slider" / "scene.toml")
@@ -593,6 +595,7 @@ def test_many_designs_by_values(tmp_path):
         assert run.sizes["design"] == n and np.isfinite(run.driving_force_max).all()
 
 
+@pytest.mark.thorough
 def test_threads_read_designs_at_once() -> None:
     """Units and messages are texts, which gfortran's functions return through memory that threads share: a thread that read `20 mm` while
     another one read a unit took 20 m, once in a thousand designs, with status ok."""

@@ -94,6 +94,7 @@ def forward(scene: linkdyn.Scene, t: np.ndarray, method: str, **options: float) 
         pytest.skip("built without GSL")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["rk8pd", "gbs", "rkf45", "seulex", "msbdf", "rk4"])
 def test_runs_by_way_of_a_change_point(method: str) -> None:
     """An instant of output however near it: results are right or flagged, reactions too, and so is what follows."""
