@@ -146,7 +146,8 @@ def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
 
 
 MOTIONS = [
-    pytest.param(file, reach, seed, marks=[pytest.mark.long, pytest.mark.thorough] * (seed > 0), id=f"{names(file)}-{reach}-{seed}")
+    pytest.param(file, reach, seed, marks=[pytest.mark.long] * (seed > 0) + [pytest.mark.thorough] * (seed > 0 or reach == "near"),
+                 id=f"{names(file)}-{reach}-{seed}")
     for file in SCENES for reach in REACH for seed in range(1 if names(file) in SLOW else 2)
 ]
 
