@@ -562,7 +562,8 @@ contains
 
         do
             ! Instants behind the last step are looked at before anything changes.
-            if (run%system%n_guard > 0 .and. run%integrator%t >= t .and. .not. all(run%integrator%failed)) then
+            if ((run%integrator%t > t .or. (run%integrator%t >= t .and. run%system%n_guard > 0)) &
+                .and. .not. all(run%integrator%failed)) then
                 continue
             else if (all(run%integrator%failed) .and. run%integrator%reason == stop_event) then
                 exit
@@ -831,8 +832,6 @@ contains
         else
             call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
-            ! What runs with events do follows from the steps alone, to the last bit: outputs change no instant of an event.
-            if (run%system%n_guard == 0) run%system%n_output = run%system%n_output + 1
         end if
         call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
                               lane_q, lane_qd, lane_qdd)

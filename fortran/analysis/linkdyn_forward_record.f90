@@ -67,8 +67,10 @@ contains
         type(model_type), intent(in) :: model
         integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
         integer, parameter :: of_legs = 30                 !! whose links all move with all coordinates: many columns for the lanes
+        integer, parameter :: of_groups = 5                !! that lanes close by iteration: milliseconds each
 
         n = merge(of_legs, evaluations_a_link, model%n_leg > 0)*model%n_link
+        if (size(model%group) > 0) n = of_groups*model%n_link
     end function evaluations_before_record
 
     !> Trace the scene; ask `recorded%is_usable` whether that has served.

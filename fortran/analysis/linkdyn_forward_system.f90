@@ -89,8 +89,6 @@ module linkdyn_forward_system
         logical :: may_record = .false.                !! once that is worth while; the caller says so
         type(forward_record) :: record
         integer :: n_accepted = 0                      !! steps so far
-        integer :: n_output = 0                        !! instants of output so far, each with a step of its own; 0 where there are
-                                                       !! events
         integer :: n_by_record = 0                     !! evaluations by the record alone
         logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]
@@ -482,9 +480,8 @@ contains
         has_one = .false.
         if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
         if (self%may_record .and. .not. associated(self%record%recorded)) then
-            ! Steps and instants tell how long the run is whenever it comes back for want of time; evaluations, some made anew
-            ! then, do not.
-            if ((self%n_accepted + self%n_output)*evaluations_a_step >= evaluations_before_record(self%model)) &
+            ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
+            if (self%n_accepted*evaluations_a_step >= evaluations_before_record(self%model)) &
                 call self%make_record(t)
         end if
         has_one = self%may_record .and. associated(self%record%recorded)

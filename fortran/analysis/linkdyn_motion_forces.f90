@@ -23,7 +23,7 @@ module linkdyn_motion_forces
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, find_motion_forces, &
         record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
 
-    integer, parameter :: n_check = 16                 !! evaluations in which the record is compared with the lanes
+    integer, parameter :: n_check = 4                  !! steps at whose ends the record is compared with the lanes
 
     type :: motion_forces
         logical :: is_needed = .false.
@@ -83,9 +83,11 @@ contains
         logical, intent(in) :: is_accepted(lanes)
         type(motion_forces), intent(inout) :: forces
 
-        if (.not. forces%assembly%is_needed) return
-        call unpack_motion(forces%model, t, forces%assembly%state)
-        call accept_assembly(forces%model, t, is_accepted, forces%assembly)
+        if (forces%assembly%is_needed) then
+            call unpack_motion(forces%model, t, forces%assembly%state)
+            call accept_assembly(forces%model, t, is_accepted, forces%assembly)
+        end if
+        if (forces%has_record .and. forces%n_checked < n_check) call check_record(t, forces)
     end subroutine accept_motion
 
     !> Forces at the instants of the lanes, the first n of which are used.
@@ -95,25 +97,37 @@ contains
         type(motion_forces), intent(inout) :: forces
         real(wp) :: by_record(lanes, size(forces%force, 2))
         logical :: serves
-        integer :: lane
 
         if (all(t == forces%t)) return
-        serves = forces%has_record
+        serves = forces%has_record .and. forces%n_checked == n_check
         if (serves) call find_by_record(t, n, forces, by_record, serves)
-        if (serves .and. forces%n_checked == n_check) then
+        if (serves) then
             forces%force = by_record
             forces%status = sample_ok
             forces%n_by_record = forces%n_by_record + 1
         else
             call find_on_lanes(t, forces)
-            if (serves .and. all(forces%status(:n) == sample_ok)) then
-                ! a difference would be a defect, and the lanes are believed
-                forces%has_record = all([(are_alike(forces%force(lane, :), by_record(lane, :)), lane=1, n)])
-                forces%n_checked = forces%n_checked + 1
-            end if
         end if
         forces%t = t
     end subroutine find_motion_forces
+
+    !> Does the record find what the lanes find? Asked at the instants of some steps, whatever is evaluated between them. A difference
+    !> would be a defect, and the lanes are believed.
+    subroutine check_record(t, forces)
+        real(wp), intent(in) :: t(lanes)
+        type(motion_forces), intent(inout) :: forces
+        real(wp) :: by_record(lanes, size(forces%force, 2))
+        logical :: serves
+        integer :: lane
+
+        call find_by_record(t, lanes, forces, by_record, serves)
+        if (.not. serves) return
+        call find_on_lanes(t, forces)
+        forces%t = t
+        if (.not. all(forces%status == sample_ok)) return
+        forces%has_record = all([(are_alike(forces%force(lane, :), by_record(lane, :)), lane=1, lanes)])
+        forces%n_checked = forces%n_checked + 1
+    end subroutine check_record
 
     subroutine find_on_lanes(t, forces)
         real(wp), intent(in) :: t(lanes)

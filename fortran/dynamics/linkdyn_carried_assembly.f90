@@ -118,7 +118,9 @@ contains
         end where
         if (.not. any(doubtful)) return
         call stand_where(model, doubtful, assembly, state)
+        state%group%closer => assembly%closer
         call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion, longest=longest_step)
+        nullify (state%group%closer)
         assembly%n_crossed_tried = report%n_crossed
         if (.not. model%scene%passes_change_points) then
             where (report%outcome == way_at_singularity) report%outcome = way_forks

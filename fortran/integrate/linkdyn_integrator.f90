@@ -196,6 +196,7 @@ contains
                 call move_alloc(runge_kutta, control%method)
             end select
             call control%start(self%t, y(1, :), self%next_step, options%rtol, options%atol)
+            self%taken%n_evaluation = 0
         end associate
     end subroutine prepare_method
 
@@ -235,15 +236,14 @@ contains
             self%n_evaluation = self%evaluated_before + self%gsl%n_evaluation()
         case default
             self%n_rejected = self%rejected_before + self%control%n_rejected
-            self%n_evaluation = self%evaluated_before + self%control%count_evaluations()
+            self%n_evaluation = self%evaluated_before + self%control%count_evaluations() + self%taken%n_evaluation
             self%n_rough = self%rough_before + self%control%n_rough
             self%roughest = max(self%roughest, self%control%roughest)
         end select
     end subroutine count_work
 
-    !> Go on to t_end; a lane that cannot keeps its last good y. Methods of one step that choose its length stop short of
-    !> t_end, where it is in reach of their next step, and only look at it: so instants of output, however many, do not
-    !> change the way. Where the clock says so, or the system wants a rest, the call comes back before it is there.
+    !> Go on to t_end; a lane that cannot keeps its last good y. Methods of one step that choose its length pass
+    !> t_end, and look back into the step: so instants of output, however many, do not change the way. Where the clock says so, or the system wants a rest, the call comes back before it is there.
     subroutine advance(self, system, t_end, y, y_end, t_kink)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -266,11 +266,7 @@ contains
             self%is_there = self%t >= t_end
             y_end = y
         case default
-            if (system%n_guard > 0) then
-                call advance_watching(self, system, t_end, y, y_end, t_kink)
-            else
-                call advance_controlled(self, system, t_end, y, y_end, t_kink)
-            end if
+            call advance_controlled(self, system, t_end, y, y_end, t_kink)
         end select
     end subroutine advance
 
@@ -577,17 +573,17 @@ contains
         if (all(is_over)) self%reason = stop_event
     end subroutine meet
 
-    !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is found in
-    !> the last step. So instants of output change neither steps nor crossings. The last step ends with the run, and none is so
-    !> long a part of it that what guards do between its places would go unseen.
-    subroutine advance_watching(self, system, t_end, y, y_end, t_kink)
+    !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is told from the
+    !> last step. So instants of output change neither steps nor crossings. The last step ends with the run, and where there are
+    !> guards none is so long a part of it that what they do between its places would go unseen.
+    subroutine advance_controlled(self, system, t_end, y, y_end, t_kink)
         type(integrator_type), intent(inout), target :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :), y_end(:, :)
         real(wp), intent(in), optional :: t_kink
         integer, parameter :: fewest_steps = 50
-        real(wp) :: limit, t_last, t_next, t_before, share(lanes), turns(lanes, system%n)
+        real(wp) :: limit, t_last, t_next, t_before, turns(lanes, system%n)
         integer :: outcome
 
         limit = huge(limit)
@@ -599,7 +595,7 @@ contains
             if (must_pause(self)) exit
             if (self%t >= t_end) then
                 y_end = y
-                if (self%t > t_end) call self%taken%retake(system, (t_end - self%taken%t)/self%taken%length, y_end)
+                if (self%t > t_end) call self%taken%look_within(system, t_end, y_end)
                 self%is_there = .true.
                 self%is_lost = .not. all(abs(y_end(1, :)) <= huge(1.0_wp))
                 call self%pause%note_work()
@@ -610,7 +606,7 @@ contains
             call self%control%begin_taken(system, self%taken)
             t_before = self%t
             t_next = t_last
-            if (self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+            if (system%n_guard > 0 .and. self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
             call self%control%take_step(system, t_next, limit, self%pause, outcome)
             self%is_paused = outcome == step_paused
             if (self%is_paused) exit
@@ -622,69 +618,30 @@ contains
                 exit
             end if
             call self%control%end_taken(self%taken)
-            call find_crossing(system, self%taken, share, self%has_crossed)
-            self%is_at_crossing = any(self%has_crossed)
-            call self%control%shorten(system, self%taken, share(1))
+            if (system%n_guard > 0) call end_at_crossing(self, system)
             self%t = self%control%t
             self%next_step = self%control%next
             turns = 0
             if (allocated(system%turns)) turns = system%turns
             call go_on(self, system, self%control%y, self%t - t_before, y)
             if (allocated(system%turns)) call self%taken%lose_turns(system%turns(1, :) - turns(1, :))
-            if (.not. self%is_at_crossing) call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
+            if (system%n_guard > 0 .and. .not. self%is_at_crossing) &
+                call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
             if ((system%wants_rest .and. self%t < t_end) .or. all(self%failed)) exit
         end do
         call count_work(self)
-    end subroutine advance_watching
+    end subroutine advance_controlled
 
-    !> Steps as long as their error allows, until the next one would reach t_end.
-    subroutine advance_controlled(self, system, t_end, y, y_end, t_kink)
+    !> A step in which guards cross ends there.
+    subroutine end_at_crossing(self, system)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
-        real(wp), intent(in) :: t_end
-        real(wp), intent(inout) :: y(:, :), y_end(:, :)
-        real(wp), intent(in), optional :: t_kink
-        real(wp) :: limit, t_before, solution(size(y, 2))
-        logical :: is_good, is_kink
-        integer :: outcome
+        real(wp) :: share(lanes)
 
-        limit = huge(limit)
-        if (present(t_kink)) limit = t_kink
-        is_kink = limit <= t_end
-        do
-            if (must_pause(self)) exit
-            if (self%t == t_end) then
-                solution = self%control%y
-                self%is_there = .true.
-                self%is_lost = .false.         ! though it may have been when looked at from further away
-            else if (self%t > t_end .or. (.not. is_kink .and. t_end - self%t <= self%control%next)) then
-                call self%control%look_ahead(system, t_end, solution, is_good)
-                self%is_there = is_good .or. self%t > t_end
-                self%is_lost = .not. is_good
-            end if
-            if (self%is_there) then
-                call self%pause%note_work()
-                y_end = spread(solution, 1, lanes)
-                exit
-            end if
-            t_before = self%t
-            call self%control%take_step(system, t_end, limit, self%pause, outcome)
-            self%is_paused = outcome == step_paused
-            if (self%is_paused) exit
-            if (outcome /= step_accepted) then
-                self%failed = .true.
-                self%reason = reason_of_solution(y(1, :))
-                if (outcome == step_too_rough) self%reason = stop_roughness
-                if (outcome == step_breaks_law) self%reason = stop_law
-                exit
-            end if
-            self%t = self%control%t
-            self%next_step = self%control%next
-            call go_on(self, system, self%control%y, self%t - t_before, y)
-            if (system%wants_rest .or. all(self%failed)) exit
-        end do
-        call count_work(self)
-    end subroutine advance_controlled
+        call find_crossing(system, self%taken, share, self%has_crossed)
+        self%is_at_crossing = any(self%has_crossed)
+        call self%control%shorten(system, self%taken, share(1))
+    end subroutine end_at_crossing
 
     !> From an accepted step to the next.
     subroutine go_on(self, system, solution, h, y)

@@ -22,6 +22,7 @@ module linkdyn_step_control
     use linkdyn_lane_system, only: lane_system
     use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
+    use linkdyn_step_curve, only: step_curve
     use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
@@ -82,6 +83,7 @@ module linkdyn_step_control
         real(wp), private :: excess = 0                !! sum of errors that rounding has left in them, over those asked for
         real(wp), private :: rtol = 0, atol = 0
         real(wp), allocatable, private :: rest(:)      !! to be added to y, less than its last place (n)
+        real(wp), allocatable, private :: allowed(:)   !! error of the last step (n)
         real(wp), allocatable, private :: rate(:)      !! at t (n)
         real(wp), private :: mode = 0                  !! of the system there
         logical, private :: knows_rate = .false.
@@ -100,17 +102,20 @@ module linkdyn_step_control
         type(trial_type), private :: best              !! with it
         real(wp), allocatable, private :: best_rough(:)    !! what rounding makes of that (n)
     contains
-        procedure :: start, take_step, take_turns_off, look_ahead, forget, count_evaluations
+        procedure :: start, take_step, take_turns_off, forget, count_evaluations
         procedure :: begin_taken, end_taken, shorten, exchange_solution
     end type step_control
 
     !> A step that was accepted: the solution within it.
     type, extends(step_taken) :: controlled_step
         class(one_step_method), pointer, private :: method => null()
-        real(wp), allocatable, private :: rest(:)      !! of y where it begins (n)
+        real(wp), allocatable, private :: rest(:), rest_end(:)    !! of y at its ends (n)
+        real(wp), allocatable, private :: allowed(:)   !! error (n)
+        type(step_curve), private :: curve
+        integer :: n_evaluation = 0                    !! of curves so far (blocks)
     contains
         procedure :: retake => retake_controlled
-        procedure :: lose_turns
+        procedure :: look_within, lose_turns
     end type controlled_step
 
 contains
@@ -382,6 +387,10 @@ contains
         self%rest = trial%rest
         self%rate = trial%rate
         self%mode = trial%mode
+        ! Books are allowed any error, but kept as well as everything else.
+        self%allowed = trial%allowed
+        where (trial%allowed > 0.5_wp*huge(1.0_wp)) self%allowed = max(self%atol + self%rtol*abs(trial%y), abs(trial%error), &
+                                                                       rounding*max(abs(trial%y), abs(trial%way)))
     end subroutine keep
 
     !> Angles go on without the whole turns that they have made.
@@ -554,34 +563,6 @@ contains
         end do
     end function changed_in_last_place
 
-    !> The solution at another instant: ahead of where the steps have got to, as far as the next one may lead, or behind,
-    !> where the last one has passed. The steps themselves do not take notice.
-    subroutine look_ahead(self, system, t, y, is_good)
-        class(step_control), intent(inout) :: self
-        class(lane_system), intent(inout) :: system
-        real(wp), intent(in) :: t
-        real(wp), intent(out) :: y(:)                  !! there
-        logical, intent(out) :: is_good                !! its error is not larger than that of a step
-        type(trial_type) :: trial
-
-        y = self%y
-        is_good = .true.
-        if (t == self%t) return
-        call find_rates(self, system)
-        is_good = self%knows_rate
-        if (.not. is_good) return
-        call try_length(self, system, t - self%t, t, trial)
-        if (trial%part <= 1 .and. .not. (trial%has_failed .or. self%method%sees_all())) then
-            call system%evaluate_alone(t, trial%y, trial%rate, trial%has_failed)
-            self%n_evaluation = self%n_evaluation + 1
-            if (.not. trial%has_failed) call look_for_missed(self, trial)
-        end if
-        is_good = trial%part <= 1 .and. .not. trial%has_failed
-        ! A place that only steps with errors above those allowed could pass has no better ones behind.
-        if (t < self%t .and. .not. trial%has_failed) is_good = is_good_enough(self, trial)
-        if (is_good) y = trial%y
-    end subroutine look_ahead
-
     ! ---------------------------------------------------------------- a step that was taken
 
     !> Note where the next step begins.
@@ -606,7 +587,10 @@ contains
 
         taken%length = self%last
         taken%y_end = spread(self%y, 1, lanes)
+        taken%rest_end = self%rest
         taken%rate_end = spread(self%rate, 1, lanes)
+        taken%allowed = self%allowed
+        call taken%curve%forget()
     end subroutine end_taken
 
     !> Let the step that was taken end earlier. Rates there are looked at, whatever was looked at since.
@@ -643,16 +627,41 @@ contains
         call self%forget()
     end subroutine exchange_solution
 
+    !> The solution at an instant of the step: on its curve, or where that is not to be believed by a shorter step. So it does not depend on
+    !> what else is asked of the step.
+    subroutine look_within(self, system, t, y)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: y(:, :)               !! not a number where it cannot be had (lane, n)
+        real(wp), dimension(size(y, 2)) :: solution, rest
+        real(wp) :: share
+
+        share = (t - self%t(1))/self%length(1)
+        if (share < 1 .and. .not. (self%curve%is_there .or. self%curve%is_refused)) then
+            call self%curve%lay(system, self%t(1), self%length(1), self%y(1, :), &
+                                (self%y_end(1, :) - self%y(1, :)) + (self%rest_end - self%rest), self%rate(1, :), &
+                                self%rate_end(1, :), self%allowed)
+            self%n_evaluation = self%n_evaluation + self%curve%n_evaluation
+        end if
+        if (share < 1 .and. self%curve%is_there) then
+            solution = self%y(1, :)
+            rest = 0
+            call add_exactly(self%curve%way_at(share) + self%rest, solution, rest)
+            y = spread(solution, 1, lanes)
+        else
+            call self%retake(system, spread(share, 1, lanes), y)
+        end if
+    end subroutine look_within
+
     !> Turns have been taken out of the accepted solution: out of the step before it, too.
     subroutine lose_turns(self, turns)
         class(controlled_step), intent(inout) :: self
         real(wp), intent(in) :: turns(:)               !! (n)
-        real(wp) :: rest(size(turns))
 
         if (all(turns == 0)) return
-        rest = 0
         call take_off(turns, self%y(1, :), self%rest)
-        call take_off(turns, self%y_end(1, :), rest)
+        call take_off(turns, self%y_end(1, :), self%rest_end)
         self%y = spread(self%y(1, :), 1, lanes)
         self%y_end = spread(self%y_end(1, :), 1, lanes)
     end subroutine lose_turns

@@ -6,7 +6,8 @@ module test_gbs
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_pause, only: pause_type
-    use linkdyn_step_control, only: step_control, step_accepted, step_too_short
+    use linkdyn_step_control, only: step_control, controlled_step, step_accepted, step_too_short
+    use linkdyn_step_curve, only: step_curve
     use linkdyn_test_numbers, only: spoil_spare_lanes
     use linkdyn_testing, only: test_error, unit_test, new_test, check
     implicit none (type, external)
@@ -16,6 +17,7 @@ module test_gbs
     !> A planet: position and velocity in the plane, attraction 1/r**2.
     type, extends(lane_system) :: orbit
         real(wp) :: ends_at = huge(1.0_wp)        !! no rates beyond this instant
+        real(wp) :: kick_at = huge(1.0_wp)        !! from then on something pulls aside
         integer :: n_beyond = 0
     contains
         procedure :: evaluate => evaluate_orbit
@@ -29,6 +31,8 @@ contains
         tests = [new_test("an orbit closes, to the tolerance", test_orbit), &
                  new_test("high order: digits are cheap", test_cost), &
                  new_test("short output intervals", test_intervals), &
+                 new_test("the solution within steps", test_within), &
+                 new_test("a curve with a kink is refused", test_kink), &
                  new_test("stops where rates end", test_end)]
     end subroutine collect_gbs
 
@@ -44,7 +48,7 @@ contains
         rate(:, 1) = y(:, 3)
         rate(:, 2) = y(:, 4)
         rate(:, 3) = -y(:, 1)/cube
-        rate(:, 4) = -y(:, 2)/cube
+        rate(:, 4) = -y(:, 2)/cube + merge(0.1_wp, 0.0_wp, t > self%kick_at)
         call spoil_spare_lanes(self%n_used, rate, failed)
     end subroutine evaluate_orbit
 
@@ -121,6 +125,61 @@ contains
         call check(error, gap <= 300*1.0e-9_wp, "the orbit closes")
         call check(error, n <= 200*9, "three columns, eight right-hand sides, are enough for most intervals")
     end subroutine test_intervals
+
+    !> The curve of every step against steps that end at its instants, and at its ends.
+    subroutine test_within(error)
+        type(test_error), intent(inout) :: error
+        real(wp), parameter :: tolerance(3) = 10.0_wp**[-4, -8, -12], share(4) = [0.1_wp, 0.35_wp, 0.77_wp, 1.0_wp]
+        type(orbit) :: system
+        type(step_control), target :: control
+        type(controlled_step) :: step
+        type(pause_type) :: pause
+        real(wp), dimension(lanes, 4) :: y, retaken
+        integer :: i, k, outcome
+
+        system%n = 4
+        do i = 1, size(tolerance)
+            step%n_evaluation = 0
+            call prepare(control, [0.5_wp, 0.0_wp, 0.0_wp, sqrt(3.0_wp)], tolerance(i))
+            do while (control%t < two_pi)
+                call control%begin_taken(system, step)
+                call control%take_step(system, two_pi, huge(1.0_wp), pause, outcome)
+                if (outcome /= step_accepted) exit
+                call control%end_taken(step)
+                do k = 1, size(share)
+                    call step%look_within(system, step%t(1) + share(k)*step%length(1), y)
+                    call step%retake(system, spread(share(k), 1, lanes), retaken)
+                    call check(error, maxval(abs(y - retaken)) <= tolerance(i), "a curve meets a shorter step")
+                end do
+            end do
+            call check(error, control%t >= two_pi, "the round is done")
+            call check(error, step%n_evaluation > 0, "curves were laid")
+        end do
+    end subroutine test_within
+
+    !> Where f jumps the solution is no polynomial; before and behind it is.
+    subroutine test_kink(error)
+        type(test_error), intent(inout) :: error
+        type(orbit) :: system
+        type(step_curve) :: curve
+        real(wp), parameter :: start(4) = [1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], length = 0.1_wp, kick(3) = [-1.0_wp, 0.043_wp, 1.0_wp]
+        real(wp), dimension(4) :: way, rate, rate_end, error_of_way
+        type(gbs_method) :: method
+        logical :: failed
+        integer :: k
+
+        system%n = 4
+        call method%start(4, 1.0e-10_wp)
+        do k = 1, size(kick)
+            system%kick_at = kick(k)
+            call system%evaluate_alone(0.0_wp, start, rate, failed)
+            call method%try_step(system, 0.0_wp, length, start, rate, way, error_of_way, failed, .false.)
+            call system%evaluate_alone(length, start + way, rate_end, failed)
+            call curve%lay(system, 0.0_wp, length, start, way, rate, rate_end, spread(1.0e-10_wp, 1, 4))
+            call check(error, curve%is_there .neqv. k == 2, "a curve is laid where there is one")
+            call check(error, curve%is_refused .eqv. k == 2, "or refused")
+        end do
+    end subroutine test_kink
 
     subroutine test_end(error)
         type(test_error), intent(inout) :: error

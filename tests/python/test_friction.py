@@ -716,11 +716,11 @@ samples = 4001
 def test_energy_goes_into_friction() -> None:
     """A double pendulum loses what the power of friction adds up to, whichever method; most of it by the record."""
     scene = linkdyn.Scene(PENDULUM)
-    run = scene.forward(method="gbs")
+    run = scene.forward(method="gbs", rtol=1e-11, atol=1e-11)
     energy = (run.kinetic_energy + run.potential_energy).values
     loss = float(run.friction_power.sum("joint").integrate("time"))
     assert energy[0] - energy[-1] == pytest.approx(loss, rel=1e-5) and loss > 1
-    other = scene.forward(method="seulex")
+    other = scene.forward(method="seulex", rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(other.q, run.q, atol=1e-5)
 
 
