@@ -111,8 +111,9 @@ module linkdyn_step_control
         class(one_step_method), pointer, private :: method => null()
         real(wp), allocatable, private :: rest(:), rest_end(:)    !! of y at its ends (n)
         real(wp), allocatable, private :: allowed(:)   !! error (n)
+        real(wp), private :: rtol = 0, atol = 0
         type(step_curve), private :: curve
-        integer :: n_evaluation = 0                    !! of curves so far (blocks)
+        integer :: n_evaluation = 0                    !! in looking within, so far (blocks)
     contains
         procedure :: retake => retake_controlled
         procedure :: look_within, lose_turns
@@ -414,6 +415,7 @@ contains
         real(wp), intent(in) :: longest                !! that a step may be
         integer, intent(out) :: outcome
         real(wp) :: rough(size(self%y))
+        logical :: is_known
 
         outcome = step_paused                          ! go on
         if (self%i_stretch == 0) then
@@ -428,10 +430,10 @@ contains
             if (trial%part < unexpected .and. trial%step > suspicious*self%longest &
                 .and. (trial%step > self%last .or. max(self%rtol, self%atol) > nearly_rounding)) return
             if (.not. trial%has_failed) then
-                rough = rounding_of(self, system, trial)
+                call measure_rounding(self, system, trial, rough, is_known)
                 if (is_interrupted()) return
                 ! A jump of the rates: shorter steps come up to it, however much it looks like rounding.
-                self%is_rough = is_rounding(trial, rough) .and. .not. system%has_jumped
+                self%is_rough = is_known .and. is_rounding(self, trial, rough) .and. .not. system%has_jumped
                 if (.not. self%is_rough) return
             end if
             self%best_score = huge(1.0_wp)
@@ -462,11 +464,12 @@ contains
         class(lane_system), intent(inout) :: system
         type(trial_type), intent(inout) :: trial
         real(wp) :: rough(size(self%y)), score
+        logical :: is_known
 
         if (trial%has_failed) return
-        rough = rounding_of(self, system, trial)
-        if (is_interrupted()) return
-        self%is_rough = self%is_rough .or. (is_rounding(trial, rough) .and. .not. system%has_jumped)
+        call measure_rounding(self, system, trial, rough, is_known)
+        if (is_interrupted() .or. .not. is_known) return
+        self%is_rough = self%is_rough .or. (is_rounding(self, trial, rough) .and. .not. system%has_jumped)
         score = max(trial%part, maxval(rough/trial%allowed))
         if (.not. score < self%best_score) return
         call look_at_end(self, system, trial)
@@ -476,12 +479,16 @@ contains
         self%best_rough = rough
     end subroutine consider
 
-    !> Does rounding explain the error of a step?
-    pure logical function is_rounding(trial, rough)
+    !> Does rounding explain the error of a step? Not of one that has hit upon nothing of the solution: whatever is done to that
+    !> changes it.
+    pure logical function is_rounding(self, trial, rough)
+        type(step_control), intent(in) :: self
         type(trial_type), intent(in) :: trial
         real(wp), intent(in) :: rough(:)               !! what rounding makes of it (n)
+        real(wp), parameter :: nothing = 1.0e-2_wp     !! relative error of a step that says nothing
 
-        is_rounding = all(abs(trial%error) <= trial%allowed .or. abs(trial%error) <= explained*rough)
+        is_rounding = relative_error(self, trial) <= nothing .and. &
+                      all(abs(trial%error) <= trial%allowed .or. abs(trial%error) <= explained*rough)
     end function is_rounding
 
     !> Take the best step, if it is good enough. The ground is rough from here on.
@@ -511,22 +518,24 @@ contains
         class(lane_system), intent(inout) :: system
         type(trial_type), intent(in) :: trial
         real(wp) :: rough(size(self%y))
+        logical :: is_known
 
         self%n_unseen = self%n_unseen + 1
         if (self%n_unseen <= most_unseen) return
         self%n_unseen = 0
-        rough = rounding_of(self, system, trial)
-        if (is_interrupted()) return
+        call measure_rounding(self, system, trial, rough, is_known)
+        if (is_interrupted() .or. .not. is_known) return
         self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%asked))*rough/trial%step
     end subroutine watch_roughness
 
     !> How much of the error estimate rounding makes: its scatter among steps that begin a very little sooner or later, and in
-    !> the last place elsewhere.
-    function rounding_of(self, system, trial) result(rough)
+    !> the last place elsewhere. Not known where one of these cannot be taken, which is no matter of rounding.
+    subroutine measure_rounding(self, system, trial, rough, is_known)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         type(trial_type), intent(in) :: trial
-        real(wp) :: rough(size(self%y))
+        real(wp), intent(out) :: rough(:)              !! (n)
+        logical, intent(out) :: is_known
         real(wp), parameter :: shift(2) = [-0.9_wp, 0.7_wp]*little
         real(wp), dimension(size(self%y)) :: y, rate, way, error
         real(wp) :: t
@@ -534,6 +543,7 @@ contains
         integer :: copy
 
         rough = 0
+        is_known = .false.
         do copy = 1, size(shift)
             t = self%t + shift(copy)*trial%step
             y = changed_in_last_place(self%y + (shift(copy)*trial%step)*self%rate, copy)
@@ -541,13 +551,11 @@ contains
             self%n_evaluation = self%n_evaluation + 1
             if (.not. has_failed) &
                 call self%method%try_step(system, t, trial%step, y, rate, way, error, has_failed, .true.)
-            if (has_failed) then
-                rough = huge(1.0_wp)
-            else
-                rough = max(rough, abs(error - trial%error))
-            end if
+            if (has_failed) return
+            rough = max(rough, abs(error - trial%error))
         end do
-    end function rounding_of
+        is_known = .true.
+    end subroutine measure_rounding
 
     !> By one or two units in the last place, up or down, as chance has it.
     pure function changed_in_last_place(y, copy) result(changed)
@@ -590,6 +598,8 @@ contains
         taken%rest_end = self%rest
         taken%rate_end = spread(self%rate, 1, lanes)
         taken%allowed = self%allowed
+        taken%rtol = self%rtol
+        taken%atol = self%atol
         call taken%curve%forget()
     end subroutine end_taken
 
@@ -627,32 +637,103 @@ contains
         call self%forget()
     end subroutine exchange_solution
 
-    !> The solution at an instant of the step: on its curve, or where that is not to be believed by a shorter step. So it does not depend on
-    !> what else is asked of the step.
+    !> The solution at an instant of the step: on its curve, or where that is not to be believed by a shorter step, or by several. So it does
+    !> not depend on what else is asked of the step.
     subroutine look_within(self, system, t, y)
         class(controlled_step), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t
         real(wp), intent(out) :: y(:, :)               !! not a number where it cannot be had (lane, n)
-        real(wp), dimension(size(y, 2)) :: solution, rest
-        real(wp) :: share
+        real(wp) :: solution(size(y, 2)), share
 
         share = (t - self%t(1))/self%length(1)
-        if (share < 1 .and. .not. (self%curve%is_there .or. self%curve%is_refused)) then
+        if (share >= 1) then
+            y = self%y_end
+            return
+        end if
+        if (.not. (self%curve%is_there .or. self%curve%is_refused)) then
             call self%curve%lay(system, self%t(1), self%length(1), self%y(1, :), &
                                 (self%y_end(1, :) - self%y(1, :)) + (self%rest_end - self%rest), self%rate(1, :), &
                                 self%rate_end(1, :), self%allowed)
             self%n_evaluation = self%n_evaluation + self%curve%n_evaluation
         end if
-        if (share < 1 .and. self%curve%is_there) then
-            solution = self%y(1, :)
-            rest = 0
-            call add_exactly(self%curve%way_at(share) + self%rest, solution, rest)
-            y = spread(solution, 1, lanes)
+        if (self%curve%is_there) then
+            solution = moved(self%y(1, :), self%rest, self%curve%way_at(share))
         else
-            call self%retake(system, spread(share, 1, lanes), y)
+            call step_within(self, system, t, solution)
         end if
+        y = spread(solution, 1, lanes)
     end subroutine look_within
+
+    !> The same by one step, ahead from the beginning or back from the end, or by several; at last by the better one of the first two, if it
+    !> leaves the digits that a result must have.
+    subroutine step_within(self, system, t, solution)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
+        real(wp), dimension(size(solution), 2) :: way, error
+        real(wp) :: part(2), bearable
+        logical :: has_failed
+        integer :: side
+
+        do side = 1, 2
+            if (side == 1) then
+                call self%method%try_step(system, self%t(1), t - self%t(1), self%y(1, :), self%rate(1, :), way(:, 1), error(:, 1), &
+                                          has_failed, .true.)
+                solution = moved(self%y(1, :), self%rest, way(:, 1))
+            else
+                call self%method%try_step(system, self%t(1) + self%length(1), t - (self%t(1) + self%length(1)), self%y_end(1, :), &
+                                          self%rate_end(1, :), way(:, 2), error(:, 2), has_failed, .true.)
+                solution = moved(self%y_end(1, :), self%rest_end, way(:, 2))
+            end if
+            part(side) = huge(1.0_wp)
+            if (.not. has_failed) part(side) = maxval(abs(error(:, side))/self%allowed)
+            if (part(side) <= 1) return
+        end do
+        call go_within(self, system, t, solution)
+        if (all(abs(solution) <= huge(1.0_wp))) return
+        bearable = max(10.0_wp, least_accuracy/max(self%rtol, self%atol))
+        if (part(1) <= min(part(2), bearable)) then
+            solution = moved(self%y(1, :), self%rest, way(:, 1))
+        else if (part(2) <= bearable) then
+            solution = moved(self%y_end(1, :), self%rest_end, way(:, 2))
+        end if
+    end subroutine step_within
+
+    !> Where a way leads.
+    pure function moved(y, rest, way) result(solution)
+        real(wp), intent(in) :: y(:), rest(:), way(:)  !! rest: what y lacks (n)
+        real(wp) :: solution(size(y)), lost(size(y))
+
+        solution = y
+        lost = 0
+        call add_exactly(way + rest, solution, lost)
+    end function moved
+
+    !> The same by steps of their own from the beginning.
+    subroutine go_within(self, system, t, solution)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
+        integer, parameter :: most_steps = 1000
+        type(step_control) :: control
+        type(pause_type) :: never
+        integer :: i, outcome
+
+        allocate (control%method, source=self%method)
+        call control%start(self%t(1), self%y(1, :), t - self%t(1), self%rtol, self%atol)
+        control%rest = self%rest
+        do i = 1, most_steps
+            call control%take_step(system, t, t, never, outcome)
+            if (outcome /= step_accepted .or. control%t >= t) exit
+        end do
+        self%method%n_evaluation = control%method%n_evaluation
+        self%n_evaluation = self%n_evaluation + control%n_evaluation
+        solution = control%y
+        if (control%t < t) solution = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine go_within
 
     !> Turns have been taken out of the accepted solution: out of the step before it, too.
     subroutine lose_turns(self, turns)
@@ -671,7 +752,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: share(lanes)
         real(wp), intent(out) :: y(:, :)
-        real(wp), dimension(size(y, 2)) :: way, error, solution, rest
+        real(wp), dimension(size(y, 2)) :: way, error, solution
         logical :: has_failed
 
         if (share(1) >= 1) then
@@ -680,9 +761,7 @@ contains
         end if
         call self%method%try_step(system, self%t(1), share(1)*self%length(1), self%y(1, :), self%rate(1, :), way, error, &
                                   has_failed, .true.)
-        solution = self%y(1, :)
-        rest = 0
-        call add_exactly(way + self%rest, solution, rest)
+        solution = moved(self%y(1, :), self%rest, way)
         if (has_failed) solution = ieee_value(1.0_wp, ieee_quiet_nan)
         y = spread(solution, 1, lanes)
     end subroutine retake_controlled
