@@ -242,8 +242,9 @@ contains
         end select
     end subroutine count_work
 
-    !> Go on to t_end; a lane that cannot keeps its last good y. Methods of one step that choose its length pass
-    !> t_end, and look back into the step: so instants of output, however many, do not change the way. Where the clock says so, or the system wants a rest, the call comes back before it is there.
+    !> Go on to t_end; a lane that cannot keeps its last good y. Methods of one step that choose its length pass t_end, and look
+    !> back into the step: so instants of output, however many, do not change the way. Where the clock says so, or the system
+    !> wants a rest, the call comes back before it is there.
     subroutine advance(self, system, t_end, y, y_end, t_kink)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -573,9 +574,9 @@ contains
         if (all(is_over)) self%reason = stop_event
     end subroutine meet
 
-    !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is told from the
-    !> last step. So instants of output change neither steps nor crossings. The last step ends with the run, and where there are
-    !> guards none is so long a part of it that what they do between its places would go unseen.
+    !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is told from
+    !> the last step. So instants of output change neither steps nor crossings. The last step ends with the run, and where there
+    !> are guards none is so long a part of it that what they do between its places would go unseen.
     subroutine advance_controlled(self, system, t_end, y, y_end, t_kink)
         type(integrator_type), intent(inout), target :: self
         class(lane_system), intent(inout) :: system

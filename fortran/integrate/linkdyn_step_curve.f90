@@ -3,12 +3,12 @@
 !> Its rates are those of the system at Chebyshev's places of the step. They are found by iteration: rates where the last
 !> polynomial leads, their integral, and again. It begins with the cubic that meets solution and rates at both ends, and always
 !> ends where the step has ended. All places of an iteration lie side by side on lanes, so that it takes as long as one
-!> or two right-hand sides. An iteration takes off a part of the error that is proportional to the step; the method has made that so short
-!> that some ten do.
+!> or two right-hand sides. It leaves a part of the error that is proportional to the step, which the method has made so short
+!> that some ten iterations do.
 !>
 !> The polynomial is believed if the iterations have come to rest, if what its integral lacks to the end of the step is about the
-!> error allowed there or less, and if its last terms are a small part of that. A kink of the rates within the step, or a step longer
-!> than such a polynomial can follow, is seen by this; the caller then has to find another way.
+!> error allowed there or less, and if its last terms are a small part of that. A kink of the rates within the step, or a step
+!> longer than such a polynomial can follow, is seen by this; the caller then has to find another way.
 !>
 !> **Source**: Picard's iteration at Chebyshev's places: Clenshaw, Norton, The solution of nonlinear ordinary differential
 !> equations in Chebyshev series, Computer Journal 6 (1963).
