@@ -666,40 +666,53 @@ contains
     end subroutine look_within
 
     !> The same by one step, ahead from the beginning or back from the end, or by several; at last by the better one of the first
-    !> two, if it leaves the digits that a result must have. A method whose single steps may miss a kink takes several.
+    !> two, if it leaves the digits that a result must have.
     subroutine step_within(self, system, t, solution)
         class(controlled_step), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t
         real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
-        real(wp), dimension(size(solution), 2) :: way, error
-        real(wp) :: part(2), bearable
-        logical :: has_failed
-        integer :: side
+        real(wp) :: ahead(size(solution)), back(size(solution)), bearable, part(2)
 
-        part = huge(1.0_wp)
-        do side = 1, merge(2, 0, self%method%sees_all())
-            if (side == 1) then
-                call self%method%try_step(system, self%t(1), t - self%t(1), self%y(1, :), self%rate(1, :), way(:, 1), error(:, 1), &
-                                          has_failed, .true.)
-                solution = moved(self%y(1, :), self%rest, way(:, 1))
-            else
-                call self%method%try_step(system, self%t(1) + self%length(1), t - (self%t(1) + self%length(1)), self%y_end(1, :), &
-                                          self%rate_end(1, :), way(:, 2), error(:, 2), has_failed, .true.)
-                solution = moved(self%y_end(1, :), self%rest_end, way(:, 2))
-            end if
-            if (.not. has_failed) part(side) = maxval(abs(error(:, side))/self%allowed)
-            if (part(side) <= 1) return
-        end do
+        call step_from(self, system, self%t(1), self%y(1, :), self%rest, self%rate(1, :), t, ahead, part(1))
+        solution = ahead
+        if (part(1) <= 1) return
+        call step_from(self, system, self%t(1) + self%length(1), self%y_end(1, :), self%rest_end, self%rate_end(1, :), t, back, &
+                       part(2))
+        solution = back
+        if (part(2) <= 1) return
         call go_within(self, system, t, solution)
         if (all(abs(solution) <= huge(1.0_wp))) return
         bearable = max(10.0_wp, least_accuracy/max(self%rtol, self%atol))
         if (part(1) <= min(part(2), bearable)) then
-            solution = moved(self%y(1, :), self%rest, way(:, 1))
+            solution = ahead
         else if (part(2) <= bearable) then
-            solution = moved(self%y_end(1, :), self%rest_end, way(:, 2))
+            solution = back
         end if
     end subroutine step_within
+
+    !> One step within the step that was taken, and its error over the allowed one.
+    subroutine step_from(self, system, t, y, rest, rate, t_end, solution, part)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:), rest(:), rate(:)
+        real(wp), intent(in) :: t_end                  !! later or earlier than t
+        real(wp), intent(out) :: solution(:), part
+        real(wp), dimension(size(y)) :: way, error, rate_end
+        logical :: has_failed
+
+        part = huge(1.0_wp)
+        call self%method%try_step(system, t, t_end - t, y, rate, way, error, has_failed, .true.)
+        solution = moved(y, rest, way)
+        if (has_failed .or. .not. all(abs(error) <= huge(1.0_wp))) return
+        part = maxval(abs(error)/self%allowed)
+        if (part > 1 .or. self%method%sees_all()) return
+        ! a kink that it has not met
+        call system%evaluate_alone(t_end, solution, rate_end, has_failed)
+        self%n_evaluation = self%n_evaluation + 1
+        if (.not. has_failed) call self%method%error_unseen(t_end - t, rate, rate_end, error)
+        if (has_failed .or. .not. all(abs(error) <= self%allowed)) part = huge(1.0_wp)
+    end subroutine step_from
 
     !> Where a way leads.
     pure function moved(y, rest, way) result(solution)
