@@ -3,7 +3,8 @@
 Usage: check.py [NAME ...]
 
 Names are `test`, all tests of the ordinary build (`make test` leaves the thorough ones out, and takes fewer of the fuzzer's cases),
-the ways below, and `blas`. Without a name: all. The last line is `N passed, N failed`, exit status 1 if anything failed. What cannot run on this machine is said before it.
+the ways below, and `blas`. Without a name: all. The last line is `N passed, N failed`, exit status 1 if anything failed. What
+cannot run on this machine is said before it.
 """
 
 from __future__ import annotations

@@ -34,11 +34,20 @@ module linkdyn_step_curve
     !> Iterations that take off less than this part of what is open will not end in time.
     real(wp), parameter :: slow = 0.7_wp
 
+    !> What so many pieces have for all steps.
+    type :: curve_table
+        integer :: n = 0                                  !! pieces; 0: not made
+        real(wp), allocatable :: share(:)                 !! places within, as parts of the step (n - 1)
+        real(wp), allocatable :: integral(:, :)           !! terms of the way by rates at the places (0:n, n + 2)
+        real(wp), allocatable :: value(:, :)              !! values within by terms (n + 2, n - 1)
+    end type curve_table
+
     type :: step_curve
         logical :: is_there = .false.
         logical :: is_refused = .false.                   !! not to be believed for this step
         integer :: n_evaluation = 0                       !! blocks that the last one took
         real(wp), allocatable, private :: term(:, :)      !! of the way from where the step begins (n, term)
+        type(curve_table), private :: table(size(n_piece))
     contains
         procedure :: lay, way_at, forget
     end type step_curve
@@ -71,7 +80,8 @@ contains
         close = max(settled*allowed, rounding*max(abs(y), abs(way), abs(length)*max(abs(rate), abs(rate_end))))
         call begin_with_cubic()
         do i = 1, size(n_piece)
-            call iterate(self, system, t, length, y, way, rate, rate_end, allowed, close, n_piece(i), wants_more)
+            if (self%table(i)%n == 0) call make_table(n_piece(i), self%table(i))
+            call iterate(self, system, t, length, y, way, rate, rate_end, allowed, close, self%table(i), wants_more)
             if (.not. wants_more) exit
         end do
         self%is_refused = .not. (self%is_there .or. is_interrupted())
@@ -89,37 +99,36 @@ contains
         end subroutine begin_with_cubic
     end subroutine lay
 
-    !> From a polynomial to a better one, with so many pieces, as far as that goes.
-    subroutine iterate(self, system, t, length, y, way, rate, rate_end, allowed, close, n, wants_more)
+    !> From a polynomial to a better one, with the pieces of a table, as far as that goes.
+    subroutine iterate(self, system, t, length, y, way, rate, rate_end, allowed, close, table, wants_more)
         class(step_curve), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, length, y(:), way(:), rate(:), rate_end(:), allowed(:)
         real(wp), intent(in) :: close(:)                  !! what may stay open (n)
-        integer, intent(in) :: n                          !! pieces
-        logical, intent(out) :: wants_more                !! of them
-        real(wp) :: f(size(y), 0:n)                       ! rates at the places
-        real(wp), dimension(size(y), n - 1) :: along, now ! ways to those within
-        real(wp) :: integral(0:n, n + 2), value(n + 2, n - 1), lacks(size(y)), open, before, last
+        type(curve_table), intent(in) :: table
+        logical, intent(out) :: wants_more                !! pieces
+        real(wp) :: f(size(y), 0:table%n)                 ! rates at the places
+        real(wp), dimension(size(y), table%n - 1) :: along, now    ! ways to those within
+        real(wp) :: lacks(size(y)), open, before, last
         integer :: iteration
         logical :: has_failed
 
         wants_more = .false.
-        call prepare_terms(integral, value)
         f(:, 0) = rate
-        f(:, n) = rate_end
-        along = matmul(self%term, value(:size(self%term, 2), :))
+        f(:, table%n) = rate_end
+        along = matmul(self%term, table%value(:size(self%term, 2), :))
         before = huge(before)
         do iteration = 1, most_iterations
-            call find_rates(system, t, length, y, along, f(:, 1:n - 1), self%n_evaluation, has_failed)
+            call find_rates(system, t, length, y, table%share, along, f(:, 1:table%n - 1), self%n_evaluation, has_failed)
             if (has_failed) return
-            self%term = matmul(f, (length/2)*integral)
+            self%term = matmul(f, (length/2)*table%integral)
             ! Every polynomial of these is one at the end.
             lacks = way - sum(self%term, dim=2)
             self%term(:, 1) = self%term(:, 1) + lacks/2
             self%term(:, 2) = self%term(:, 2) + lacks/2
-            now = matmul(self%term, value)
+            now = matmul(self%term, table%value)
             open = maxval(maxval(abs(now - along), dim=2)/close)
-            last = maxval(maxval(abs(self%term(:, n:)), dim=2)/close)
+            last = maxval(maxval(abs(self%term(:, table%n:)), dim=2)/close)
             along = now
             if (.not. open <= huge(open)) return
             if (iteration > 1 .and. open*min(1.0_wp, open/before) <= max(1.0_wp, last)) exit
@@ -131,9 +140,10 @@ contains
     end subroutine iterate
 
     !> Rates at the places within the step.
-    subroutine find_rates(system, t, length, y, along, rate, n_evaluation, has_failed)
+    subroutine find_rates(system, t, length, y, share, along, rate, n_evaluation, has_failed)
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, length, y(:)
+        real(wp), intent(in) :: share(:)                  !! of the length up to the places
         real(wp), intent(in) :: along(:, :)               !! ways there (n, place)
         real(wp), intent(out) :: rate(:, :)               !! (n, place)
         integer, intent(inout) :: n_evaluation
@@ -147,7 +157,7 @@ contains
             n_used = min(lanes, size(along, 2) - first + 1)
             do lane = 1, lanes
                 i = first + min(lane, n_used) - 1         ! lanes to spare do what the last does
-                instant(lane) = t + length*((1 + place(i, size(along, 2) + 1))/2)
+                instant(lane) = t + length*share(i)
                 state(lane, :) = y + along(:, i)
             end do
             system%n_used = n_used
@@ -184,21 +194,15 @@ contains
 
     ! ---------------------------------------------------------------- Chebyshev's polynomials on [-1, 1]
 
-    !> Place i of 0 to n, ends among them.
-    elemental real(wp) function place(i, n)
-        integer, intent(in) :: i, n
+    !> Places, and what leads from values there to terms and back.
+    pure subroutine make_table(n, table)
+        integer, intent(in) :: n                          !! pieces
+        type(curve_table), intent(out) :: table
+        real(wp) :: term(0:n, 0:n + 2)                    ! of the rates
+        integer :: i, k
 
-        place = -cos(pi*i/n)
-    end function place
-
-    !> Terms of the integral from the beginning by values at the places; values within by terms.
-    pure subroutine prepare_terms(integral, value)
-        real(wp), intent(out) :: integral(0:, :)          !! (place, term)
-        real(wp), intent(out) :: value(:, :)              !! (term, place within)
-        real(wp) :: term(0:size(integral, 1) - 1, 0:size(integral, 2))    ! of the rates
-        integer :: n, i, k
-
-        n = size(integral, 1) - 1
+        table%n = n
+        table%share = [((1 - cos(pi*i/n))/2, i=1, n - 1)]
         term = 0
         do k = 0, n
             do i = 0, n
@@ -207,24 +211,20 @@ contains
                 if (k == n) term(i, k) = term(i, k)/2     ! and of k = 0, but the rule below counts that twice
             end do
         end do
-        integral(:, 1) = 0
+        allocate (table%integral(0:n, n + 2), source=0.0_wp)
         do k = 1, n + 1
-            integral(:, k + 1) = (term(:, k - 1) - term(:, k + 1))/(2*k)
-            integral(:, 1) = integral(:, 1) - (-1)**k*integral(:, k + 1)
+            table%integral(:, k + 1) = (term(:, k - 1) - term(:, k + 1))/(2*k)
+            table%integral(:, 1) = table%integral(:, 1) - (-1)**k*table%integral(:, k + 1)
         end do
-        do i = 1, n - 1
-            do k = 0, n + 1
-                value(k + 1, i) = at_place(k, i)
-            end do
-        end do
+        table%value = reshape([((at_place(k, i), k=0, n + 1), i=1, n - 1)], [n + 2, n - 1])
 
     contains
 
-        !> Polynomial k at place i.
+        !> Polynomial k at place i of 0 to n, ends among them.
         pure real(wp) function at_place(k, i)
             integer, intent(in) :: k, i
 
             at_place = cos(pi*modulo(k*(n - i), 2*n)/n)
         end function at_place
-    end subroutine prepare_terms
+    end subroutine make_table
 end module linkdyn_step_curve

@@ -45,7 +45,7 @@ def test_they_change_nothing(name: str, method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["fourbar_start", "andrews", "fivebar_motors", "engine_balance"])
 def test_they_are_as_good_as_steps(name: str, method: str, tolerance: float) -> None:
-    """Against a run whose steps are a hundred times better, at instants that are ends of no step."""
+    """Against a run of a tolerance ten times smaller or more, at instants that are ends of no step."""
     scene = load(name)
     t = scene.times()[:: max(1, len(scene.times()) // 200)]
     t = np.linspace(t[0], t[0] + min(0.05 if name == "andrews" else 0.4, t[-1] - t[0]), 301)
