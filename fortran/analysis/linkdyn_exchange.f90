@@ -85,15 +85,17 @@ contains
         place(2) = variable - model%joint(place(1))%first_variable
     end function place_of
 
-    !> A coordinate of the user's at the position reached, and its rate, on lane 1. Angles count turns, or leave them apart.
-    subroutine coordinate_now(own, model, state, k, value, rate, turns)
+    !> A coordinate of the user's at the position reached, and its rate. Angles count turns, or leave them apart.
+    subroutine coordinate_now(own, model, state, k, value, rate, turns, lane)
         type(model_type), intent(in) :: own
         type(model_type), intent(in) :: model            !! in use
         type(kinematic_state), intent(in) :: state       !! of it
         integer, intent(in) :: k
         real(wp), intent(out) :: value, rate
         real(wp), intent(out), optional :: turns         !! which are then not in the value
+        integer, intent(in), optional :: lane            !! absent: the first
         real(wp), dimension(lanes) :: values, rates, whole
+        integer :: on
 
         if (model%scene%coordinate(k)%for_joint == 0) then
             call given_coordinate(model, state, k, values, rates, whole)
@@ -102,12 +104,14 @@ contains
                 call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), values, rates, whole)
             end associate
         end if
-        rate = rates(1)
+        on = 1
+        if (present(lane)) on = lane
+        rate = rates(on)
         if (present(turns)) then
-            value = values(1)
-            turns = whole(1)
+            value = values(on)
+            turns = whole(on)
         else
-            value = with_turns(values(1), whole(1))
+            value = with_turns(values(on), whole(on))
         end if
     end subroutine coordinate_now
 

@@ -331,9 +331,9 @@ contains
         real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :), contact_sense(:, :)
         real(wp), allocatable :: angle(:, :)           ! of joints, their turns counted (n_variable, n)
         type(sample_assembly) :: assembly
-        real(wp) :: work
+        real(wp), allocatable :: waiting(:, :)         ! solutions at instants that are not evaluated yet (lane, n)
         logical :: is_lost(size(instants))
-        integer :: i, first, phase, n_found, n_passed(0:size(instants))
+        integer :: i, first, phase, n_found, n_waiting, n_passed(0:size(instants))
 
         t = instants
         n_done = 0
@@ -361,6 +361,7 @@ contains
         n_done = 0
         n_found = 0
         n_passed(0) = run%n_passed
+        n_waiting = 0
         first = 0
         do i = 1, size(t)
             if (run%options%listens) call start_listening()
@@ -378,48 +379,106 @@ contains
                 call evaluate_loads(run%own, t(i:i), load(:, :, i:i))
             end if
             if (first == 0 .or. phase /= run%phase) then
+                call take_samples(i - 1)
                 if (first > 0) call find_forces(first, i - 1)
+                waiting = run%output
                 first = i
                 phase = run%phase
                 if (has_assemblies(run%model) .or. phase > 1) call make_room(run%model, size(t) - i + 1, assembly)
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
-            work = ieee_value(1.0_wp, ieee_quiet_nan)
             is_lost(i) = run%integrator%is_lost
-            if (.not. run%has_stopped .or. run%is_over) then
-                call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                if (allocated(angle) .and. .not. is_lost(i)) angle(:, i) = run%system%joint_angles(t(i))
-                rate(:, i) = qd(:, i)
-                call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
-                call keep_evaluated(run%model, t(i), run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
-                                    run%n_crossed)
-                if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
-                work = run%output(1, run%system%layout%work)
-                if (has_hard_stops(run%model%scene)) &
-                    stop_force(:, i) = merge(run%system%stops%push(1, :), 0.0_wp, run%system%stops%rests(1, :))
-                if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%applied(1, :)
-                if (size(run%model%contact) > 0) contact_sense(:, i) = &
-                    run%system%workspace%friction%sense(1, :size(run%model%contact))
-            end if
-            if (associated(results%time)) results%time(i) = t(i)
-            if (associated(results%work)) results%work(i) = work
-            if (associated(results%brake)) results%brake(:, i) = run%system%motors%brake(1, run%model%motor%actuator)
-            if (associated(results%clutch_slip) .and. .not. (run%has_stopped .and. .not. run%is_over)) &
-                results%clutch_slip(:, i) = run%system%slips_at(t(i), run%output)
-            call tell_clutches(run%system%clutch, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
-            call tell_controllers(run%system%control%state, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
-            if (associated(results%step)) results%step(i) = run%integrator%last_step
-            call tell_coordinates(run, q(:, i), qd(:, i), i, results)
-            n_passed(i) = passed_now(run)
+            if (is_lost(i)) call take_samples(i - 1)
+            n_waiting = n_waiting + 1
+            waiting(n_waiting, :) = run%output(1, :)
+            if (.not. may_wait(i)) call take_samples(i)
             n_done = i
             if (run%is_over) exit
         end do
+        call take_samples(n_done)
         if (n_done > 0) run%t_given = t(n_done)
         if (first > 0) call find_forces(first, n_done)
         n_done = n_found
         run%n_passed = n_passed(n_done)
 
     contains
+
+        !> May a sample be evaluated together with the next one? Only within a step, and where nothing happens between the two.
+        pure logical function may_wait(i)
+            integer, intent(in) :: i
+
+            may_wait = i < size(t) .and. n_waiting < lanes .and. .not. (is_lost(i) .or. run%has_stopped .or. run%is_over)
+            if (.not. may_wait) return
+            may_wait = run%integrator%t > t(i + 1) .and. next_kink(run) > t(i + 1) + 4*spacing(t(i + 1)) &
+                       .and. run%system%n_guard == 0 .and. n_clutch(run%model%scene) == 0 &
+                       .and. n_controller(run%model%scene) == 0
+        end function may_wait
+
+        !> Evaluate the samples that wait, up to one, and tell what is found.
+        subroutine take_samples(last)
+            integer, intent(in) :: last
+            real(wp) :: solution(lanes, run%system%n), on_lanes(lanes, run%own%n_variable)
+            integer :: sample, lane, n, before
+            logical :: is_there
+
+            n = n_waiting
+            n_waiting = 0
+            if (n == 0) return
+            before = last - n
+            is_there = .not. run%has_stopped .or. run%is_over
+            solution = waiting([(min(lane, n), lane=1, lanes)], :)
+            if (is_there) then
+                call take_outputs(run, n, t([(min(before + lane, last), lane=1, lanes)]), is_lost(last), solution, &
+                                  q(:, before + 1:last), qd(:, before + 1:last), qdd(:, before + 1:last), &
+                                  force(:, before + 1:last))
+                if (allocated(angle) .and. .not. is_lost(last)) then
+                    on_lanes = run%system%joint_angles(t([(min(before + lane, last), lane=1, lanes)]))
+                    angle(:, before + 1:last) = transpose(on_lanes(:n, :))
+                end if
+            end if
+            do lane = 1, n
+                sample = before + lane
+                if (is_there) call keep_sample(sample, lane, solution(lane, :))
+                call tell_sample(sample, lane, solution, is_there)
+                n_passed(sample) = passed_now(run)
+            end do
+        end subroutine take_samples
+
+        !> What the forces are found from.
+        subroutine keep_sample(i, lane, solution)
+            integer, intent(in) :: i, lane
+            real(wp), intent(in) :: solution(:)        !! (n)
+
+            rate(:, i) = qd(:, i)
+            call read_attitudes(run%model, run%system%layout, solution, quaternion(:, :, i), rate(:, i))
+            associate (state => run%system%workspace%state)
+                call keep_evaluated(run%model, t(i), run%system%assembly, state, lane, i - first + 1, assembly, run%n_crossed)
+                if (phase > 1) assembly%counted(:, i - first + 1) = state%counted(lane, :)
+            end associate
+            if (has_hard_stops(run%model%scene)) &
+                stop_force(:, i) = merge(run%system%stops%push(1, :), 0.0_wp, run%system%stops%rests(1, :))
+            if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%applied(1, :)
+            if (size(run%model%contact) > 0) contact_sense(:, i) = &
+                run%system%workspace%friction%sense(lane, :size(run%model%contact))
+        end subroutine keep_sample
+
+        subroutine tell_sample(i, lane, solution, is_there)
+            integer, intent(in) :: i, lane
+            real(wp), intent(in) :: solution(:, :)     !! (lane, n)
+            logical, intent(in) :: is_there            !! the run has come there
+            logical :: is_good
+
+            is_good = is_there .and. (.not. is_lost(i) .or. run%is_over)
+            if (associated(results%time)) results%time(i) = t(i)
+            if (associated(results%work)) results%work(i) = merge(solution(lane, run%system%layout%work), &
+                                                                  ieee_value(1.0_wp, ieee_quiet_nan), is_there)
+            if (associated(results%brake)) results%brake(:, i) = run%system%motors%brake(lane, run%model%motor%actuator)
+            if (associated(results%clutch_slip) .and. is_there) results%clutch_slip(:, i) = run%system%slips_at(t(i), solution)
+            call tell_clutches(run%system%clutch, i, is_good, results)
+            call tell_controllers(run%system%control%state, i, is_good, results)
+            if (associated(results%step)) results%step(i) = run%integrator%last_step
+            call tell_coordinates(run, q(:, i), qd(:, i), i, lane, results)
+        end subroutine tell_sample
 
         !> The forces of samples of one phase. An interrupt leaves them unfinished: these samples are not given.
         subroutine find_forces(first, last)
@@ -480,10 +539,11 @@ contains
     end function passed_now
 
     !> A sample's coordinates as the user has them, and what was integrated in their place.
-    subroutine tell_coordinates(run, q, qd, i, results)
+    subroutine tell_coordinates(run, q, qd, i, lane, results)
         type(forward_run), intent(in) :: run
         real(wp), intent(in) :: q(:), qd(:)            !! of the coordinates integrated (n_q)
         integer, intent(in) :: i                       !! sample
+        integer, intent(in) :: lane                    !! that it is on
         type(forward_results), intent(inout) :: results
         real(wp), dimension(size(q)) :: own_q, own_qd
         integer :: k
@@ -493,7 +553,7 @@ contains
         associate (choice => run%known(run%phase)%phase%choice)
             do k = 1, size(q)
                 if (choice(k) > 0 .and. (run%is_over .or. .not. run%has_stopped)) &
-                    call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k))
+                    call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k), lane=lane)
             end do
             if (associated(results%q)) results%q(:, i) = own_q
             if (associated(results%qd)) results%qd(:, i) = own_qd
@@ -816,29 +876,33 @@ contains
         text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
     end function stiffness_in_words
 
-    !> Coordinates and given driving forces at the instant reached.
-    subroutine take_output(run, t, q, qd, qdd, force)
+    !> Coordinates and given driving forces at instants reached.
+    subroutine take_outputs(run, n, t, is_lost, solution, q, qd, qdd, force)
         type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t
-        real(wp), intent(out) :: q(:), qd(:), qdd(:), force(:)
-        real(wp) :: instant(lanes), rate(lanes, run%system%n)
+        integer, intent(in) :: n                       !! samples, on the first lanes; the others are like the last of these
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        logical, intent(in) :: is_lost
+        real(wp), intent(inout) :: solution(:, :)      !! not a number where it is lost (lane, n)
+        real(wp), intent(out) :: q(:, :), qd(:, :), qdd(:, :), force(:, :)    !! (..., sample)
+        real(wp) :: rate(lanes, run%system%n)
         real(wp), dimension(lanes, run%model%n_q) :: lane_q, lane_qd, lane_qdd
         logical :: failed(lanes)
 
-        instant = t
         force = ieee_value(1.0_wp, ieee_quiet_nan)
-        if (run%integrator%is_lost) then
-            run%output = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (is_lost) then
+            solution = ieee_value(1.0_wp, ieee_quiet_nan)
         else
-            call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
-            force = run%system%workspace%driving_force(1, :)
+            run%system%n_used = n
+            call run%system%evaluate_on_lanes(t, solution, rate, failed)
+            run%system%n_used = lanes
+            force = transpose(run%system%workspace%driving_force(:n, :))
         end if
-        call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
+        call read_coordinates(run%model, run%system%layout, t, solution, run%system%turns, run%system%workspace%state, &
                               lane_q, lane_qd, lane_qdd)
-        q = lane_q(1, :)
-        qd = lane_qd(1, :)
-        qdd = lane_qdd(1, :)
-    end subroutine take_output
+        q = transpose(lane_q(:n, :))
+        qd = transpose(lane_qd(:n, :))
+        qdd = transpose(lane_qdd(:n, :))
+    end subroutine take_outputs
 
     !> End the run where it is, between two steps.
     subroutine interrupt_forward(run)

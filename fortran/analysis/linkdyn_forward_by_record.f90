@@ -3,7 +3,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_constants, only: golden
     use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
-        may_change_assembly, apply_record_laws
+        may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
@@ -87,6 +87,7 @@ contains
                     samples%is_left(lane) = samples%is_left(lane) &
                                             .or. may_change_assembly(self%model, self%assembly, lane, t(lane), self%record)
                 end do
+                call keep_stages(self%assembly, n, self%record)
             end if
             is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
         end associate

@@ -10,12 +10,13 @@ module linkdyn_forward_record
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_state, only: state_layout, fill_start
-    use linkdyn_group_stride, only: close_places, predicted
+    use linkdyn_group_stride, only: close_places
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_place
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
+    use linkdyn_led_groups, only: lead_places
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, gives_attitude, place_size
     use linkdyn_motion, only: evaluate_loads
@@ -26,19 +27,22 @@ module linkdyn_forward_record
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: choose_poses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
+    use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, make_forward_record, share_forward_record, &
         free_forward_record
-    public :: place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
+    public :: place_states, close_states, run_states, may_change_assembly, keep_stages, apply_record_laws, settle_record_losses
 
     !> A record, and the samples of one run.
     type :: forward_record
         type(recorded_rates), pointer :: recorded => null()
         logical, private :: owns_it = .false.          !! else several runs share it
         type(rate_samples) :: samples
+        type(stage_places), private :: stage           !! of groups
+        logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
         integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
                                                        !! 0: none (n_actuator)
         integer, allocatable, private :: measured(:)   !! coordinate that a measure is: its turns are told apart; 0: none (measure)
@@ -165,6 +169,7 @@ contains
 
         call make_rate_samples(record%recorded, lanes, record%samples)
         allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
+        if (needs_places(record)) call prepare_stage_places(model, record%stage)
         allocate (record%followed(model%n_actuator), record%is_sprung(model%n_q))
         record%followed = 0
         record%is_sprung = .false.
@@ -308,27 +313,33 @@ contains
         end function turns_of
     end subroutine place_states
 
-    !> Where the links of groups are at the first n states placed, from where those of the accepted state lead. What does not
-    !> converge as it must, or lies too near a singular position to be surely certain, is left.
+    !> Where the links of groups are at the first n states placed, from where those of the accepted state or of the stage before
+    !> lead. What does not converge as it must, or lies too near a singular position to be surely certain, is left.
     subroutine close_states(model, assembly, n, record)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
-        real(wp) :: place(place_size(model), model%n_link, n)
-        logical :: is_closed(n)
+        real(wp), dimension(place_size(model), model%n_link, n) :: stand, place
+        real(wp) :: from(model%n_q, n)
+        logical, dimension(n) :: is_closed, arrives
         integer :: lane, g
 
         if (.not. needs_places(record)) return
-        associate (samples => record%samples)
+        associate (samples => record%samples, closing => record%recorded%closing)
             do lane = 1, n
-                place(:, :, lane) = predicted(model, assembly%place(lane, :, :), assembly%column(lane, :, :, :), &
-                                              samples%q(:, lane) - assembly%q(lane, :))
+                call predict_stage(model, assembly, record%stage, lane, samples%q(:, lane), from(:, lane), stand(:, :, lane), &
+                                   place(:, :, lane))
             end do
             is_closed = .not. samples%is_left(:n)
-            call close_places(model, record%recorded%closing, samples%q(:, :n), samples%branch(:, :n), place, &
-                              samples%group_margin(:, :n), is_closed)
+            call close_places(model, closing, samples%q(:, :n), samples%branch(:, :n), place, samples%group_margin(:, :n), &
+                              is_closed)
+            call lead_places(model, closing, .not. (is_closed .or. samples%is_left(:n)), from, samples%q(:, :n), &
+                             samples%branch(:, :n), stand, samples%group_margin(:, :n), arrives)
+            record%is_led(:n) = arrives
             do lane = 1, n
+                if (arrives(lane)) place(:, :, lane) = stand(:, :, lane)
+                is_closed(lane) = is_closed(lane) .or. arrives(lane)
                 samples%place(:, lane) = reshape(place(:, :, lane), [size(samples%place, 1)])
                 do g = 1, size(model%group)
                     is_closed(lane) = is_closed(lane) .and. is_surely_certain(samples%group_margin(g, lane), &
@@ -338,6 +349,20 @@ contains
             samples%is_left(:n) = .not. is_closed
         end associate
     end subroutine close_states
+
+    !> The first n states have been looked at: the next ones set out from those that the record serves.
+    subroutine keep_stages(assembly, n, record)
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
+        integer :: lane
+
+        if (.not. needs_places(record)) return
+        do lane = 1, n
+            call keep_stage(assembly, lane, .not. record%samples%is_left(lane), record%samples%q(:, lane), &
+                            record%samples%place(:, lane), record%stage)
+        end do
+    end subroutine keep_stages
 
     !> May a mechanism have left its assembly on the way to the state that the record was run on last in a lane? Judged as lanes
     !> are.
@@ -357,7 +382,7 @@ contains
             may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
                                    ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
                                    ahead*found(out%drift:out%drift + n - 1)))
-            if (n_group == 0) return
+            if (n_group == 0 .or. record%is_led(lane)) return
             associate (least => model%least_margin(n + 1:n + n_group), before => assembly%margin(lane, n + 1:n + n_group), &
                        drift => assembly%drift(lane, n + 1:n + n_group))
                 may = may .or. any(leaves_doubt(model%scene%passes_change_points, least, before, ahead*drift, of_groups, &

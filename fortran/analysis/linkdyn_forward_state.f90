@@ -288,7 +288,7 @@ contains
     pure subroutine read_attitudes(model, layout, y, quaternion, qd)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        real(wp), intent(in) :: y(:)                  !! (n)
         real(wp), intent(out) :: quaternion(:, :)     !! (4, n_attitude); 0: by its angles
         real(wp), intent(inout) :: qd(:)              !! (n_q)
         integer :: p
@@ -296,9 +296,9 @@ contains
         quaternion = 0
         do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
-            quaternion(:, p) = y(1, layout%quaternion(p):layout%quaternion(p) + 3)
+            quaternion(:, p) = y(layout%quaternion(p):layout%quaternion(p) + 3)
             associate (c => attitude_angles(model%step(layout%attitude_step(p))))
-                qd(c) = y(1, layout%rate(c))
+                qd(c) = y(layout%rate(c))
             end associate
         end do
     end subroutine read_attitudes

@@ -694,15 +694,13 @@ contains
         if (.not. allocated(self%look%q)) call prepare_kinematics(self%model, 0, self%look)
     end subroutine need_look
 
-    !> Joint angles with their turns on lane 1, of the state evaluated last on lanes; other joint variables: 0.
+    !> Joint angles with their turns, of the states evaluated last on lanes; other joint variables: 0.
     function joint_angles(self, t) result(angle)
         class(forward_system), intent(in) :: self
-        real(wp), intent(in) :: t                      !! of the state [s]
-        real(wp) :: angle(self%model%n_variable)       ! [rad]
-        real(wp) :: on_lanes(lanes, self%model%n_variable)
+        real(wp), intent(in) :: t(lanes)               !! of the states [s]
+        real(wp) :: angle(lanes, self%model%n_variable)       ! [rad]
 
-        on_lanes = angles_at(self%model, self%workspace%state, spread(t, 1, lanes), self%of_joints)
-        angle = on_lanes(1, :)
+        angle = angles_at(self%model, self%workspace%state, t, self%of_joints)
     end function joint_angles
 
     !> Has the last step made energy of nothing, or lost it?

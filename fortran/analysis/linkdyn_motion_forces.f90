@@ -7,7 +7,7 @@ module linkdyn_motion_forces
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, free_equations, &
         prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, close_states, may_change_assembly
+        place_states, close_states, may_change_assembly, keep_stages
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
     use linkdyn_kinds, only: wp
@@ -222,14 +222,15 @@ contains
         call close_states(forces%model, forces%assembly, n, forces%record)
         associate (recorded => forces%record%recorded, samples => forces%record%samples)
             call run_rates(recorded, n, samples)
-            serves = .not. any(samples%is_left(:n))
-            if (.not. serves) return
             if (forces%assembly%is_needed) then
                 do lane = 1, n
-                    serves = serves .and. .not. may_change_assembly(forces%model, forces%assembly, lane, t(lane), &
-                                                                           forces%record)
+                    samples%is_left(lane) = samples%is_left(lane) &
+                                            .or. may_change_assembly(forces%model, forces%assembly, lane, t(lane), forces%record)
                 end do
+                call keep_stages(forces%assembly, n, forces%record)
             end if
+            serves = .not. any(samples%is_left(:n))
+            if (.not. serves) return
             do i = 1, size(force, 2)
                 force(:, i) = samples%found(recorded%out%effort + i - 1, [(min(lane, n), lane=1, lanes)])
             end do

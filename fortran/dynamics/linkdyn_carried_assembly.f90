@@ -386,21 +386,21 @@ contains
         if (before*now > 0 .and. duration /= 0) rate = (now - before)/duration
     end function secant
 
-    !> The assembly of lane 1 of a state evaluated, for a sample; and whether change points have been passed since the one before.
-    subroutine keep_evaluated(model, t, assembly, state, sample, samples, n_crossed)
+    !> The assembly of a lane of a state evaluated, for a sample; and whether change points have been passed since the one before.
+    subroutine keep_evaluated(model, t, assembly, state, lane, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t                      !! of the sample [s]
         type(carried_assembly), intent(in) :: assembly
         type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: sample
+        integer, intent(in) :: lane, sample
         type(sample_assembly), intent(inout) :: samples
         integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
         integer :: passed(lanes)
 
         if (.not. assembly%is_needed) return
-        call keep_lane(model, state, 1, sample, samples)
+        call keep_lane(model, state, lane, sample, samples)
         passed = count_passed(model, spread(t, 1, lanes), assembly, state)
-        if (passed(1) /= n_crossed) samples%reached(sample) = reached_crossing
-        n_crossed = passed(1)
+        if (passed(lane) /= n_crossed) samples%reached(sample) = reached_crossing
+        n_crossed = passed(lane)
     end subroutine keep_evaluated
 end module linkdyn_carried_assembly

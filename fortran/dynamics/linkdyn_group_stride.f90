@@ -39,7 +39,7 @@ contains
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, 0:)          !! coordinates (n_q, 0:n)
         real(wp), intent(in), contiguous :: way(:, 0:)         !! from there (n_q, 0:n)
-        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, 1)
         real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
         type(group_stride), intent(out) :: stride
         integer :: n, block, first, last
@@ -98,7 +98,7 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, 0:)
-        real(wp), intent(in) :: branch(:)
+        real(wp), intent(in), contiguous :: branch(:, :)
         integer, intent(in) :: first, last
         real(wp), intent(inout) :: place(:, :, 0:)
         type(group_stride) :: tangents
@@ -139,7 +139,7 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in) :: q(:)
-        real(wp), intent(in) :: branch(:)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! (n_branch, 1)
         real(wp), intent(in) :: place(:, :)
         type(group_stride), intent(out) :: tangents            !! (..., n_q)
         real(wp) :: unit(size(q), size(q))
@@ -159,7 +159,7 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! coordinates, ways for rates (n_q, n)
-        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, n, or 1 for all)
         real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
         type(group_stride), intent(out) :: found               !! (..., n)
 
@@ -204,20 +204,18 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of these samples (n_q, last - first + 1)
-        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
         integer, intent(in) :: first, last                     !! samples of the stride
         type(group_stride), intent(inout) :: stride
-        real(wp) :: of_all(size(branch), 1)
         integer :: g
 
-        of_all(:, 1) = branch
         stride%is_closed(first:last) = .true.
         do g = 1, size(model%group)
-            call close_group(model, g, closer, at, way, of_all, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+            call close_group(model, g, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
                              stride%margin(g, first:last), stride%is_closed(first:last))
             if (.not. any(stride%is_closed(first:last))) return
         end do
-        call find_drift(model, closer, at, way, of_all, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+        call find_drift(model, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
                         stride%margin(:, first:last), stride%drift(:, first:last), stride%is_closed(first:last))
     end subroutine close_samples
 

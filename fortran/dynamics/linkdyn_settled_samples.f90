@@ -194,7 +194,8 @@ contains
         !$omp parallel do num_threads(team_size(threads, node%n)) schedule(dynamic)
         do i = 1, node%n
             if (node%found%status(i) /= sample_ok) cycle
-            call find_tangents(model, closer, node%q(:, i), model%branch, node%found%place(:, :, i), node%tangents(i))
+            call find_tangents(model, closer, node%q(:, i), reshape(model%branch, [model%n_branch, 1]), &
+                               node%found%place(:, :, i), node%tangents(i))
         end do
         !$omp end parallel do
     end subroutine reach_nodes
@@ -228,7 +229,7 @@ contains
             end associate
         end do
         if (n == 0) return
-        call close_from(model, closer, at(:, :n), way(:, :n), model%branch, place(:, :, :n), found)
+        call close_from(model, closer, at(:, :n), way(:, :n), reshape(model%branch, [model%n_branch, 1]), place(:, :, :n), found)
         extent = scene_size(model)
         do i = 1, n
             associate (s => which(of(i)), k => node%of(which(of(i))))

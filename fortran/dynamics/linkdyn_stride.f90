@@ -52,7 +52,7 @@ contains
             way(:, n) = way(:, n - 1)
         end associate
         if (size(model%group) > 0) then
-            call stride_groups(model, closer, stride%at, stride%way, branch, place, stride%groups)
+            call stride_groups(model, closer, stride%at, stride%way, reshape(branch, [size(branch), 1]), place, stride%groups)
             stride%is_closed = stride%groups%is_closed
             stride%margin(model%n_branch + 1:, :) = stride%groups%margin
             stride%drift(model%n_branch + 1:, :) = stride%groups%drift
