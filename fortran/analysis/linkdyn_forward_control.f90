@@ -74,7 +74,7 @@ contains
         lane = [(min(i, n), i=1, lanes)]
         associate (samples => self%record%samples)
             if (self%control%has_continuous) call let_control(self, t(lane), y(lane, :), &
-                transpose(samples%measured(:, lane)), transpose(samples%law(:, lane)))
+                transpose(samples%measured(:samples%n_measure, lane)), transpose(samples%law(:, lane)))
             do i = 1, self%control%state%n
                 associate (k => self%model%scene%controller(i)%actuator)
                     samples%effort(k, :n) = samples%effort(k, :n) + effort_scale(self%model, k)*self%control%state%output(:n, i)

@@ -59,7 +59,7 @@ contains
         integer :: i
 
         can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) &
-                          .and. motors_can_be_recorded(model, layout)
+                          .and. motors_can_be_recorded(model)
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0

@@ -1,6 +1,5 @@
 !> Motors in a run: what brakes take of their torques, and how currents in their windings change.
 module linkdyn_motor_states
-    use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace
     use linkdyn_forward_record, only: forward_record, settle_record_losses
     use linkdyn_forward_state, only: state_layout
@@ -80,15 +79,14 @@ contains
         type(forward_record), intent(inout) :: record
         type(motor_states), intent(inout) :: motors
         real(wp) :: speed, braked, torque
-        integer :: i, k, lane
+        integer :: i, lane
 
         do i = 1, model%n_actuator
-            associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor)
+            associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, samples => record%samples)
                 if (equations%unknown%drive(i) .or. drive%side == side_joint) cycle
-                k = coordinate_of_actuator(model, i)
                 do lane = 1, n
-                    associate (effort => record%samples%effort(i, lane))
-                        speed = motor%ratio*record%samples%qd(k, lane)
+                    associate (effort => samples%effort(i, lane))
+                        speed = motor%ratio*samples%measured(samples%n_measure + i, lane)
                         braked = brake_torque(motor, min(t(lane), motors%t_braked(lane)), motors%switched(lane, i), &
                                               motors%is_on(lane, i), speed)
                         call find_torque(model, layout, i, lane, y, effort, speed, motors, torque)

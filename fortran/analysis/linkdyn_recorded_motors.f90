@@ -1,15 +1,12 @@
-!> Laws at motors in rates that come from a record: the record takes driving forces and gives accelerations, both linear in each other, so what
-!> transmissions lose is found from a few runs of it, as the lanes find it from a few solutions of their equations
-!> (`linkdyn_transmission_losses`). It takes motors whose joint variables are coordinates: speed and acceleration are at hand there.
+!> Laws at motors in rates that come from a record: the record takes driving forces and gives what of them is transmitted, linear in
+!> each other, so what transmissions lose is found from a few runs of it, as the lanes find it from a few solutions of their equations
+!> (`linkdyn_transmission_losses`).
 module linkdyn_recorded_motors
     use linkdyn_contact, only: contact_type, n_press
-    use linkdyn_drives, only: coordinate_of_actuator
-    use linkdyn_forward_state, only: state_layout
     use linkdyn_friction_balance, only: balance_friction
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, run_rates
-    use linkdyn_scene, only: side_joint
     use linkdyn_transmission_losses, only: lossy_motors
     implicit none (type, external)
     private
@@ -18,20 +15,12 @@ module linkdyn_recorded_motors
 contains
 
     !> Can a record serve the scene's laws at motors, if there are any?
-    pure logical function motors_can_be_recorded(model, layout) result(can)
+    pure logical function motors_can_be_recorded(model) result(can)
         type(model_type), intent(in) :: model
-        type(state_layout), intent(in) :: layout
-        integer :: i, k
 
         can = .true.
-        do i = 1, model%n_actuator
-            if (model%scene%actuator(i)%drive%side == side_joint) cycle
-            k = coordinate_of_actuator(model, i)
-            can = can .and. k > 0
-            if (k > 0) can = can .and. layout%position(k) > 0
-        end do
         ! friction in joints would not be linear in driving forces
-        if (size(model%contact) > 0) can = can .and. size(lossy_motors(model, spread(.true., 1, model%n_actuator))) == 0
+        if (size(model%contact) > 0) can = size(lossy_motors(model, spread(.true., 1, model%n_actuator))) == 0
     end function motors_can_be_recorded
 
     !> Take what is lost off the driving forces of the first n samples, whose laws have been applied. A sample whose transmission jams is left.
@@ -45,15 +34,14 @@ contains
         real(wp), dimension(size(lossy), n) :: factor, sense, given, press, unit
         real(wp) :: slope(size(lossy), size(lossy), n), felt(n_press, size(lossy)), response(n_press, size(lossy), size(lossy))
         real(wp) :: amount(size(lossy))
-        integer :: j, s, holding, at(size(lossy)), k(size(lossy))
+        integer :: j, s, holding, at(size(lossy))
 
         at = model%motor(lossy)%actuator
         do j = 1, size(lossy)
-            k(j) = coordinate_of_actuator(model, at(j))
-            associate (motor => model%scene%actuator(at(j))%motor)
-                factor(j, :) = tanh(abs(motor%ratio*samples%qd(k(j), :n))/motor%creep_speed)
+            associate (motor => model%scene%actuator(at(j))%motor, rate => samples%measured(samples%n_measure + at(j), :n))
+                factor(j, :) = tanh(abs(motor%ratio*rate)/motor%creep_speed)
+                sense(j, :) = sign(1.0_wp, rate)
             end associate
-            sense(j, :) = sign(1.0_wp, samples%qd(k(j), :n))
         end do
         given = samples%effort(at, :n)
         call run_rates(recorded, n, samples, laws_are_there=.true.)
@@ -65,7 +53,7 @@ contains
             samples%effort(at(j), :n) = given(j, :) - sense(j, :)*unit(j, :)
             call run_rates(recorded, n, samples, laws_are_there=.true.)
             samples%effort(at(j), :n) = given(j, :)
-            slope(:, j, :) = (pressing(of=j) - press)/spread(unit(j, :), 1, size(lossy))
+            slope(:, j, :) = (pressing() - press)/spread(unit(j, :), 1, size(lossy))
         end do
         felt = 0
         response = 0
@@ -80,20 +68,11 @@ contains
 
     contains
 
-        !> What is transmitted, in the direction of the motion, at the accelerations found last.
-        function pressing(of) result(press)
-            integer, intent(in), optional :: of        !! that loses `unit`; absent: none
+        !> What is transmitted, in the direction of the motion, at the forces tried last.
+        function pressing() result(press)
             real(wp) :: press(size(lossy), n)
-            integer :: i
 
-            do i = 1, size(lossy)
-                press(i, :) = given(i, :) - model%motor(lossy(i))%inertia &
-                              *samples%found(recorded%out%acceleration + k(i) - 1, :n)
-                if (present(of)) then
-                    if (of == i) press(i, :) = press(i, :) - sense(i, :)*unit(i, :)
-                end if
-                press(i, :) = sense(i, :)*press(i, :)
-            end do
+            press = sense*samples%found(recorded%out%transmitted + at - 1, :n)
         end function pressing
     end subroutine settle_losses
 end module linkdyn_recorded_motors

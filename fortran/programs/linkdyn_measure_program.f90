@@ -1,5 +1,6 @@
-!> The program that measures what laws over the state depend on: from coordinates and their rates to joint variables, places and
-!> velocities of markers, stretches of springs. The laws are evaluated outside of it, and their values go into the next program.
+!> The program that measures what laws depend on: from coordinates and their rates to joint variables, places and velocities of
+!> markers, stretches of springs, and how fast motors turn. The laws are evaluated outside of it, and their values go into the next
+!> program.
 module linkdyn_measure_program
     use linkdyn_bodies, only: point_position, point_velocity
     use linkdyn_inputs, only: trace_request, sample_set
@@ -8,7 +9,7 @@ module linkdyn_measure_program
     use linkdyn_mechanism, only: mechanism_type, in_own_axes
     use linkdyn_model, only: model_type
     use linkdyn_record, only: record_type, open_record, close_record
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, frame_link
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, frame_link, side_joint
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_springs, only: measure_spring_stretch
     use linkdyn_trace, only: traced_type, trace_motion
@@ -18,7 +19,9 @@ module linkdyn_measure_program
     private
     public :: make_measure_program, out_measures
 
-    integer, parameter :: out_measures = 104   !! all that the program gives: the measures of the scene's law book
+    !> All that the program gives: the measures of the scene's law book, then the rates of the joint variables that actuators drive
+    !> (n_actuator; zero where no law is about the motor).
+    integer, parameter :: out_measures = 104
 
 contains
 
@@ -31,7 +34,7 @@ contains
         type(record_type), target :: record
         type(traced_type) :: traced
         type(output_list) :: list
-        type(value), allocatable :: measure(:)
+        type(value), allocatable :: measure(:), driven(:)
         integer :: k
 
         call open_record(record, sample%n)
@@ -40,7 +43,15 @@ contains
         do k = 1, size(measure)
             measure(k) = measured(traced%mechanism, model%scene%laws%measure(k))
         end do
-        call add_output(list, out_measures, measure)
+        allocate (driven(model%n_actuator))
+        do k = 1, size(driven)
+            driven(k) = zero()
+            associate (actuator => model%scene%actuator(k))
+                if (actuator%drive%side /= side_joint) &
+                    driven(k) = variable_rate(traced%mechanism, actuator%joint, actuator%variable)
+            end associate
+        end do
+        call add_output(list, out_measures, [measure, driven])
         call make_scene_program(record, traced%in, list, program)
         call close_record(record)
     end subroutine make_measure_program

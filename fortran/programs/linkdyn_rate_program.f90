@@ -9,6 +9,7 @@ module linkdyn_rate_program
     use linkdyn_model, only: model_type, counts_for_another
     use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
     use linkdyn_record, only: record_type, open_record, close_record
+    use linkdyn_scene, only: side_joint
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
@@ -27,6 +28,8 @@ module linkdyn_rate_program
         integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
         integer :: drift = 0                   !! its rate [1/s] (n_branch)
         integer :: effort = 0                  !! driving forces [N, N m] (n_actuator); 0: they are given
+        integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it; of others zero
+                                               !! [N, N m] (n_actuator)
         integer :: counted = 0                 !! rates of the angles that coordinates stand in for [rad/s] (n_q, of others zero)
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
@@ -61,7 +64,8 @@ contains
             allocate (effort(0))
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
             call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, &
-                                              counted_rates(traced), power, alarm_of(traced), reach_of(traced)])
+                                              transmitted_forces(traced), counted_rates(traced), power, alarm_of(traced), &
+                                              reach_of(traced)])
             if (allocated(traced%contact)) then
                 call compile_with_friction(record, traced, list, friction, program)
             else
@@ -69,6 +73,7 @@ contains
             end if
             out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
                                effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
+                               transmitted=size(list%v) - 3 - model%n_q - model%n_actuator, &
                                counted=size(list%v) - 3 - model%n_q, work=size(list%v) - 3, supplied=size(list%v) - 2, &
                                alarm=size(list%v) - 1, reach=size(list%v))
         end if
@@ -98,6 +103,22 @@ contains
         is_last = are_among(traced, traced%acceleration)
         if (.not. any(is_last)) is_last = are_among(traced, [traced%unknowns%transmitted, traced%virtual])
     end function are_wanted
+
+    !> What gets to the transmissions of motors that lose some of it; zero of others.
+    function transmitted_forces(traced) result(force)
+        type(traced_type), intent(inout) :: traced
+        type(value) :: force(traced%mechanism%model%n_actuator)
+        integer :: i
+
+        do i = 1, size(force)
+            force(i) = zero()
+            associate (actuator => traced%mechanism%model%scene%actuator(i))
+                if (actuator%drive%side == side_joint) cycle
+                if (min(actuator%motor%efficiency, actuator%motor%back_efficiency) < 1) &
+                    force(i) = solved(traced%system, traced%unknowns%transmitted(i))
+            end associate
+        end do
+    end function transmitted_forces
 
     !> Of the angles that coordinates stand in for; zero of others.
     function counted_rates(traced) result(rate)

@@ -18,7 +18,8 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_torque, side_voltage, measure_time, is_sampled
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, side_torque, side_voltage, measure_time, &
+        is_sampled
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
     implicit none (type, external)
@@ -50,7 +51,9 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
         real(wp), pointer, contiguous :: counted(:, :) => null()       !! angles that coordinates stand in for (n_q, sample) [rad]
-        real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on (measure, sample)
+        real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on, then how fast motors turn
+                                                                       !! their joint variables (measure + actuator, sample)
+        integer :: n_measure = 0
         real(wp), allocatable :: law(:, :)                             !! values of the laws (law, sample)
         real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
@@ -82,7 +85,8 @@ contains
         call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out, &
                                recorded%friction)
         recorded%is_usable = recorded%program%is_made
-        if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model))) &
+        if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
+                                      .or. any(model%scene%actuator%drive%side /= side_joint))) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
     end subroutine record_rates
 
@@ -126,7 +130,8 @@ contains
             call add(in_payload, size(model%payload), samples%payload)
             call add(in_counted, model%n_q, samples%counted)
             allocate (samples%law(size(model%scene%laws%law), n), source=0.0_wp)
-            allocate (samples%measured(size(model%scene%laws%measure), n), samples%turned(size(model%scene%laws%measure), n), &
+            samples%n_measure = size(model%scene%laws%measure)
+            allocate (samples%measured(samples%n_measure + model%n_actuator, n), samples%turned(samples%n_measure, n), &
                       source=0.0_wp)
         end associate
         allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
@@ -179,14 +184,13 @@ contains
                 call run_samples(recorded%measures, samples%block_measured, first, count, to)
             end do
         end if
-        associate (model => recorded%model, book => recorded%model%scene%laws)
-            samples%measured(:, :n) = samples%measured(:, :n) + samples%turned(:, :n)
+        associate (model => recorded%model, book => recorded%model%scene%laws, measured => samples%measured(:samples%n_measure, :n))
+            measured = measured + samples%turned(:, :n)
             do k = 1, size(book%measure)
-                if (book%measure(k)%kind == measure_time) samples%measured(k, :n) = samples%t(:n)
-                if (book%measure(k)%length_power /= 0) &
-                    samples%measured(k, :n) = samples%measured(k, :n)/book%scale**book%measure(k)%length_power
+                if (book%measure(k)%kind == measure_time) measured(k, :) = samples%t(:n)
+                if (book%measure(k)%length_power /= 0) measured(k, :) = measured(k, :)/book%scale**book%measure(k)%length_power
             end do
-            call evaluate_laws(book, transpose(samples%measured(:, :n)), law, samples%mode(:n))
+            call evaluate_laws(book, transpose(measured), law, samples%mode(:n))
             samples%law(:, :n) = transpose(law)
             do i = 1, model%n_load
                 do k = 1, 3
