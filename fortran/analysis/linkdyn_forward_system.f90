@@ -475,13 +475,12 @@ contains
     logical function has_record_now(self, t) result(has_one)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
-        integer, parameter :: evaluations_a_step = 10  !! about
 
         has_one = .false.
         if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
         if (self%may_record .and. .not. associated(self%record%recorded)) then
             ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
-            if (self%n_accepted*evaluations_a_step >= evaluations_before_record(self%model)) &
+            if (self%n_accepted*self%evaluations_a_step >= evaluations_before_record(self%model)) &
                 call self%make_record(t)
         end if
         has_one = self%may_record .and. associated(self%record%recorded)

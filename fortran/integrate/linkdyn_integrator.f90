@@ -166,6 +166,7 @@ contains
         class(lane_system), intent(inout), target :: system
         real(wp), intent(in) :: y(:, :)
         type(status_type), intent(inout) :: status
+        integer, parameter :: extrapolated = 30, taken_by_stages = 10  !! evaluations a step, those of rejected ones among them
         type(gbs_method), allocatable :: gbs
         type(seulex_method), allocatable :: seulex
         type(runge_kutta_gsl), allocatable :: runge_kutta
@@ -175,6 +176,7 @@ contains
             deallocate (self%control%method)
         end if
         associate (options => self%options, control => self%control)
+            system%evaluations_a_step = merge(extrapolated, taken_by_stages, any(options%method == [method_gbs, method_seulex]))
             select case (options%method)
             case (method_rk4)
                 call self%work%prepare(system%n)

@@ -10,6 +10,7 @@ module linkdyn_lane_system
     type, abstract :: lane_system
         integer :: n = 0                                  !! components of y
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
+        integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
         logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
         logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
                                                           !! turn, and are asked for no worse; not allocated: none (n)
