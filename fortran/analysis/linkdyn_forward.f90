@@ -34,6 +34,7 @@ module linkdyn_forward
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_law_values, only: rows_over_time
     use linkdyn_laws, only: law_kinks
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_led_mechanism, only: follows_assembly
@@ -157,8 +158,14 @@ contains
         type(model_type), intent(in) :: model
         type(forward_options), intent(in) :: options
         type(status_type), intent(inout) :: status
+        integer :: i
 
         call collect_kinks(model, run%kink)
+        associate (row => rows_over_time(model%scene%laws, options%t_start, options%t_start + options%integrator%span))
+            do i = 1, size(row)
+                call add_kink(row(i), run%kink)
+            end do
+        end associate
         run%kink = pack(run%kink, run%kink > options%t_start)
         run%output = run%y
         call begin_at_stops(run%system, options%t_start, run%y)

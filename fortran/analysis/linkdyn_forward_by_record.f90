@@ -3,14 +3,13 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_constants, only: golden
     use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
-        may_change_assembly, keep_stages, apply_record_laws
+        place_touches, may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_motion_forces, only: record_motion_forces, share_motion_forces
     use linkdyn_motor_states, only: drive_record_by_motors
     use linkdyn_representatives, only: choose_poses
-    use linkdyn_scene, only: measure_touch
     implicit none (type, external)
 
 contains
@@ -40,21 +39,6 @@ contains
         call share_motion_forces(other%of_motion, self%of_motion)
         call help_lanes(self)
     end procedure share_record
-
-    !> The record measures nothing of what the run knows: it is added, as turns are.
-    subroutine place_touches(model, n, touch, record)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: n
-        real(wp), intent(in) :: touch(:, :)            !! (lane, n_stop)
-        type(forward_record), intent(inout) :: record
-        integer :: i
-
-        do i = 1, size(model%scene%laws%measure)
-            associate (spec => model%scene%laws%measure(i))
-                if (spec%kind == measure_touch) record%samples%turned(i, :n) = touch(:n, spec%stop)
-            end associate
-        end do
-    end subroutine place_touches
 
     !> dy/dt of the lanes used; the others are like the last of these.
     module procedure evaluate_by_record

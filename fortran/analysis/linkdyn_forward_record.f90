@@ -26,7 +26,7 @@ module linkdyn_forward_record
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: choose_poses
-    use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
+    use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_whole_turns, only: with_turns
@@ -34,7 +34,8 @@ module linkdyn_forward_record
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, make_forward_record, share_forward_record, &
         free_forward_record
-    public :: place_states, close_states, run_states, may_change_assembly, keep_stages, apply_record_laws, settle_record_losses
+    public :: place_states, place_touches, close_states, run_states, may_change_assembly, keep_stages, apply_record_laws, &
+        settle_record_losses
 
     !> A record, and the samples of one run.
     type :: forward_record
@@ -312,6 +313,21 @@ contains
             if (layout%position(k) > 0) turns_of = two_pi*turns(lane, layout%position(k))
         end function turns_of
     end subroutine place_states
+
+    !> The record measures nothing of what the run knows: it is added, as turns are.
+    subroutine place_touches(model, n, touch, record)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        real(wp), intent(in) :: touch(:, :)            !! (lane, n_stop)
+        type(forward_record), intent(inout) :: record
+        integer :: i
+
+        do i = 1, size(model%scene%laws%measure)
+            associate (spec => model%scene%laws%measure(i))
+                if (spec%kind == measure_touch) record%samples%turned(i, :n) = touch(:n, spec%stop)
+            end associate
+        end do
+    end subroutine place_touches
 
     !> Where the links of groups are at the first n states placed, from where those of the accepted state or of the stage before
     !> lead. What does not converge as it must, or lies too near a singular position to be surely certain, is left.

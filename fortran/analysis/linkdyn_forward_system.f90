@@ -37,6 +37,7 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_law_sight, only: law_sight
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
@@ -90,6 +91,7 @@ module linkdyn_forward_system
         type(forward_record) :: record
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
+        type(law_sight) :: sight                       !! what laws do within steps
         logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]
         real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
@@ -102,6 +104,7 @@ module linkdyn_forward_system
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
+        procedure :: part_in_sight
         procedure :: stalled_coordinate
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
@@ -118,6 +121,7 @@ module linkdyn_forward_system
         procedure :: joint_angles
         procedure :: look_at
         procedure, private :: look_closely
+        procedure, private :: has_record_now
         procedure, private :: find_given_forces
         procedure :: release
         procedure :: renew
@@ -197,6 +201,16 @@ module linkdyn_forward_system
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
         end function leads_too_far
+
+        ! ---- linkdyn_forward_laws
+        !> How much of a step is to be gone at once: no law may have a peak within it that is narrower than the gaps between
+        !> stages, nor an angle that laws depend on turn farther than they are looked at by.
+        module function part_in_sight(self, t, length, y, rate, y_end, rate_end) result(part)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t, length              !! of the step [s]
+            real(wp), intent(in), dimension(:) :: y, rate, y_end, rate_end    !! at its ends (n)
+            real(wp) :: part
+        end function part_in_sight
 
         !> The coordinate that cannot be exchanged and has come to its dead point in an accepted state; 0: none.
         integer module function stalled_coordinate(self, t, y) result(stalled)
@@ -336,7 +350,7 @@ contains
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)
-        if (system%n_guard > 0 .or. n_controller(model%scene) > 0) then
+        if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0) then
             call prepare_kinematics(model, 0, system%look)
         end if
         call prepare_motors(model%n_actuator, system%motors)
@@ -448,7 +462,7 @@ contains
         logical :: is_left(lanes)
         integer :: k
 
-        if (.not. has_record_now(self, t(1))) then
+        if (.not. self%has_record_now(t(1))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if

@@ -176,6 +176,7 @@ contains
             deallocate (self%control%method)
         end if
         associate (options => self%options, control => self%control)
+            system%span = options%span
             system%evaluations_a_step = merge(extrapolated, taken_by_stages, any(options%method == [method_gbs, method_seulex]))
             select case (options%method)
             case (method_rk4)
@@ -435,7 +436,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
-        real(wp) :: h, t_before, solution(size(y, 2)), kept(lanes, size(y, 2))
+        real(wp) :: h, h_seen, t_before, solution(size(y, 2)), kept(lanes, size(y, 2))
         logical :: ok, is_sound
         integer :: n_jump
 
@@ -460,6 +461,14 @@ contains
                 self%reason = reason_of_solution(y(1, :))
                 exit
             end if
+            h_seen = length_in_sight(system, t_before, self%t, y(1, :), solution)
+            if (h_seen < self%t - t_before) then
+                self%t = t_before
+                solution = y(1, :)
+                self%next_step = h_seen
+                call self%gsl%reset()
+                cycle
+            end if
             if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
             is_sound = keeps_law(self, system, solution)
             call go_on(self, system, solution, self%t - t_before, y)
@@ -476,6 +485,21 @@ contains
         end do
         call count_work(self)
     end subroutine advance_multistep
+
+    !> How long a step may be whose stages leap over nothing that the system does within it.
+    real(wp) function length_in_sight(system, t, t_end, y, y_end) result(length)
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t, t_end
+        real(wp), intent(in) :: y(:), y_end(:)                  !! there (n)
+        real(wp) :: rate(size(y)), rate_end(size(y))
+        logical :: has_failed(2)
+
+        length = t_end - t
+        if (.not. system%may_jump) return
+        call system%evaluate_alone(t, y, rate, has_failed(1))
+        call system%evaluate_alone(t_end, y_end, rate_end, has_failed(2))
+        if (.not. any(has_failed)) length = length*system%part_in_sight(t, length, y, rate, y_end, rate_end)
+    end function length_in_sight
 
     !> Does a step to a solution keep the law of the system as far as the tolerances ask? The first steps of the multistep method,
     !> which are of low order, do so by no more.

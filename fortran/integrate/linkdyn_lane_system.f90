@@ -11,6 +11,7 @@ module linkdyn_lane_system
         integer :: n = 0                                  !! components of y
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
         integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
+        real(wp) :: span = 0                              !! how long the run is to be; 0: not known
         logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
         logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
                                                           !! turn, and are asked for no worse; not allocated: none (n)
@@ -39,6 +40,7 @@ module linkdyn_lane_system
         procedure :: evaluate_alone
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
+        procedure :: part_in_sight
         procedure :: accept
         procedure :: note_turns
         procedure, non_overridable :: watch_jumps, note_mode
@@ -103,6 +105,16 @@ contains
 
         leads_too_far = .false.
     end function leads_too_far
+
+    !> How much of a step is to be gone at once, since its stages may have leapt over what the system does within it; 1: all of it.
+    function part_in_sight(self, t, length, y, rate, y_end, rate_end) result(part)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t, length                 !! of the step
+        real(wp), intent(in), dimension(:) :: y, rate, y_end, rate_end    !! at its ends (n)
+        real(wp) :: part
+
+        part = 1
+    end function part_in_sight
 
     !> All guards of these states; not a number where one has no value.
     subroutine evaluate_guards(self, t, y, guard)

@@ -167,6 +167,7 @@ contains
                                                        !! during which the process is told to stop is none
         integer, intent(out) :: outcome                !! one of `step_*`; t and y are as before if not accepted
         type(trial_type) :: trial
+        real(wp) :: part
 
         outcome = step_too_short
         if (.not. self%is_under_way) call begin_step(self, system, t_end)
@@ -183,6 +184,12 @@ contains
             if (trial%part <= 1) call look_at_end(self, system, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) call look_for_missed(self, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
+                part = system%part_in_sight(self%t, trial%step, self%y, self%rate, trial%y, trial%rate)
+                if (part < 1) then
+                    self%n_rejected = self%n_rejected + 1
+                    self%step = part*trial%step
+                    cycle
+                end if
                 if (any(self%roughness > 0)) call watch_roughness(self, system, trial)
                 call keep(self, trial, .false.)
                 outcome = step_accepted

@@ -3,11 +3,11 @@ module linkdyn_law_values
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_formula, only: evaluate_formula
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: law_book, state_law
+    use linkdyn_scene, only: law_book, state_law, measure_time
     use linkdyn_table, only: table_place, find_places, evaluate_table, lies_within
     implicit none (type, external)
     private
-    public :: evaluate_laws, law_argument, is_outside
+    public :: evaluate_laws, law_argument, is_outside, rows_over_time
 
 contains
 
@@ -55,6 +55,32 @@ contains
             is_outside = .not. (law%period > 0 .or. lies_within(knot(1), knot(size(knot)), argument))
         end associate
     end function is_outside
+
+    !> Instants in between two at which tables over time have rows: kinks of theirs, but for splines. Of those that begin anew the rows
+    !> of all their periods, if these can be counted.
+    pure function rows_over_time(book, first, last) result(row)
+        type(law_book), intent(in) :: book
+        real(wp), intent(in) :: first, last        !! [s]
+        real(wp), allocatable :: row(:)
+        real(wp), parameter :: most_periods = 1.0e4_wp
+        real(wp) :: begin
+        integer :: k, i
+
+        allocate (row(0))
+        do k = 1, size(book%law)
+            associate (law => book%law(k))
+                if (law%over <= 0) cycle
+                if (book%measure(law%over)%kind /= measure_time .or. allocated(law%table%curvature)) cycle
+                if (.not. law%period > 0) then
+                    row = [row, law%table%time]
+                else if (last - first <= most_periods*law%period) then
+                    begin = law%period*floor((first - law%table%time(1))/law%period)
+                    row = [row, (begin + i*law%period + law%table%time, i=0, ceiling((last - first)/law%period))]
+                end if
+            end associate
+        end do
+        row = pack(row, row > first .and. row < last)
+    end function rows_over_time
 
     pure subroutine look_up(law, argument, value)
         type(state_law), intent(in) :: law

@@ -1,0 +1,82 @@
+!> Laws along the way of a step that is to be accepted: what its stages may have leapt over.
+submodule (linkdyn_forward_system) linkdyn_forward_laws
+    use linkdyn_constants, only: pi
+    use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
+    use linkdyn_law_sight, only: plan_law_sight, find_part_in_sight, well_within
+    use linkdyn_measures, only: find_measures
+    implicit none (type, external)
+
+    !> Coordinates that turn farther between two places are not followed by them.
+    real(wp), parameter :: farthest_turn = pi          !! within a step
+
+contains
+
+    module procedure part_in_sight
+        real(wp) :: measure(lanes, size(self%model%scene%laws%measure)), way(lanes, self%n), instant(lanes), share, turned
+        integer :: lane
+
+        part = 1
+        if (.not. self%sight%is_planned) call plan_law_sight(self%model%scene%laws, self%span, self%sight)
+        if (.not. self%sight%is_wanted) return
+        if (self%sight%sees_places .and. allocated(self%is_angle)) then
+            turned = maxval(abs(y_end - y), mask=self%is_angle)
+            if (turned > farthest_turn) then
+                part = well_within*farthest_turn/turned
+                return
+            end if
+        end if
+        do lane = 1, lanes
+            share = real(lane - 1, wp)/(lanes - 1)
+            instant(lane) = t + share*length
+            way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
+        end do
+        call measure_states(self, instant, way, measure)
+        call find_part_in_sight(self%model%scene%laws, measure, self%sight, part)
+    end procedure part_in_sight
+
+    !> The cubic that meets solution and rates at both ends of a step.
+    pure elemental real(wp) function between(share, y, way, y_end, way_end)
+        real(wp), intent(in) :: share
+        real(wp), intent(in) :: y, way                 !! at its beginning; rate times length
+        real(wp), intent(in) :: y_end, way_end
+
+        between = y + share*(way + share*((3*(y_end - y) - 2*way - way_end) + share*(way + way_end - 2*(y_end - y))))
+    end function between
+
+    !> What laws depend on, by the record if that serves all of the states.
+    subroutine measure_states(self, t, y, measure)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(out) :: measure(:, :)         !! (lane, measure)
+        logical :: serves
+
+        serves = .false.
+        if (self%has_record_now(t(1))) call measure_by_record(self, t, y, measure, serves)
+        if (serves) return
+        call self%look_closely(t, y)
+        call find_measures(self%model, self%look, measure)
+    end subroutine measure_states
+
+    subroutine measure_by_record(self, t, y, measure, serves)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(inout) :: measure(:, :)       !! (lane, measure)
+        logical, intent(out) :: serves
+        real(wp) :: branch(lanes, self%model%n_branch), no_force(lanes, self%model%n_actuator)
+
+        no_force = 0
+        branch = spread(self%model%branch(:self%model%n_branch), 1, lanes)
+        if (self%assembly%is_needed) branch = self%assembly%branch
+        associate (samples => self%record%samples)
+            call place_states(self%model, self%layout, lanes, t, y, self%turns, branch, self%by_inverse, no_force, self%record)
+            if (n_stop(self%model%scene) > 0) call place_touches(self%model, lanes, self%touches(), self%record)
+            call close_states(self%model, self%assembly, lanes, self%record)
+            serves = .not. any(samples%is_left)
+            if (.not. serves) return
+            call apply_record_laws(lanes, self%record)
+            measure = transpose(samples%measured(:samples%n_measure, :))
+        end associate
+    end subroutine measure_by_record
+end submodule linkdyn_forward_laws
