@@ -4,9 +4,8 @@
 !> lane.
 module linkdyn_group_closing
     use linkdyn_cam_contact, only: locate_contacts
-    use linkdyn_constants, only: two_pi
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_joint_table, only: n_slide, is_threaded
+    use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -16,11 +15,10 @@ module linkdyn_group_closing
     use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_step_kernels, only: of_errors, of_velocities, of_accelerations, of_looks
     use linkdyn_vec2, only: vec2, rot2_by_angle
-    use linkdyn_vec3, only: vec3, operator(.rotate.)
-    use linkdyn_whole_turns, only: least_angle
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads, take_spins_apart
+    public :: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads
 
 contains
 
@@ -171,44 +169,4 @@ contains
         call run_kernel(model, use, of_looks, state, found)
         angle = maxval(abs(found(:, size(found, 2) - use%kernels%n_thread + 1:)), dim=2)
     end function angle_off_threads
-
-    !> Of a correction the turns of links about the axes of their threads: a small way along a thread is a large angle about it.
-    !> Whole turns, which change nothing, are taken off the correction itself.
-    subroutine take_spins_apart(model, group, state, correction, spin)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(inout) :: correction(:, :)      !! (lane, row)
-        real(wp), intent(out) :: spin(:, :)              !! (lane, row)
-        type(vec3) :: about
-        real(wp) :: angle(lanes)
-        integer :: i, side, k, place
-
-        spin = 0
-        do i = 1, size(group%joint)
-            associate (joint => model%joint(group%joint(i)))
-                if (.not. is_threaded(joint%kind)) cycle
-                do side = 1, 2
-                    place = findloc(group%link, joint%link(side), dim=1)
-                    if (place == 0) cycle
-                    k = 6*(place - 1) + 3
-                    about = state%rotation(orientation_of(model, joint%link(side))) .rotate.joint%frame(:, 3, side)
-                    angle = correction(:, k + 1)*about%x + correction(:, k + 2)*about%y + correction(:, k + 3)*about%z
-                    call add(-two_pi*anint(angle/two_pi), correction)
-                    call add(least_angle(angle), spin)
-                end do
-            end associate
-        end do
-
-    contains
-
-        subroutine add(angle, to)
-            real(wp), intent(in) :: angle(lanes)
-            real(wp), intent(inout) :: to(:, :)
-
-            to(:, k + 1) = to(:, k + 1) + angle*about%x
-            to(:, k + 2) = to(:, k + 2) + angle*about%y
-            to(:, k + 3) = to(:, k + 3) + angle*about%z
-        end subroutine add
-    end subroutine take_spins_apart
 end module linkdyn_group_closing

@@ -11,10 +11,10 @@ module linkdyn_group_stride
     use linkdyn_following, only: largest_contraction
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: moved_place
+    use linkdyn_link_place, only: moved_place, spun_place, turned_axis
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, &
-        least_group_margin
+        least_group_margin, take_spins_apart
     implicit none (type, external)
     private
     public :: group_stride, stride_groups, find_tangents, predicted, close_from, close_places
@@ -28,6 +28,11 @@ module linkdyn_group_stride
         real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, sample)
         real(wp), allocatable :: margin(:, :)       !! (n_group, sample)
         real(wp), allocatable :: drift(:, :)        !! its rate along the way (n_group, sample)
+        real(wp), allocatable :: thread(:, :)       !! angles of threads by their slides, with their turns (thread, sample) [rad]
+        real(wp), allocatable :: thread_rate(:, :)  !! along the way (thread, sample)
+        ! ---- of strides with threads: the same along the way from the sample before, which may be another one
+        real(wp), allocatable :: rate_there(:, :, :)     !! (link_freedom, n_link, sample)
+        real(wp), allocatable :: thread_rate_there(:, :) !! (thread, sample)
         logical, allocatable :: is_closed(:)        !! (sample)
     end type group_stride
 
@@ -43,8 +48,10 @@ contains
         real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
         type(group_stride), intent(out) :: stride
         integer :: n, block, first, last
+        logical :: has_threads
 
         n = ubound(at, 2)
+        has_threads = any(model%group%n_thread > 0)
         block = max(closer%samples_at_once, n_behind)
         call make_room(model, 0, n, stride)
         stride%place(:, :, 0) = start
@@ -52,7 +59,8 @@ contains
         first = 1
         do while (first <= n .and. stride%is_closed(first - 1))
             last = min(n, first + block - 1)
-            if (first > block) then
+            ! quaternions of a spinning link lie on no polynomial
+            if (first > block .and. .not. has_threads) then
                 call lead_by_curve(model, first, last, block, stride%place)
                 call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
             end if
@@ -60,10 +68,72 @@ contains
                 call lead_by_tangents(model, closer, at, branch, first, last, stride%place)
                 call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
             end if
-            if (.not. all(stride%is_closed(first:last))) exit
+            if (.not. all(stride%is_closed(first:last))) then
+                if (.not. has_threads) exit
+                ! far on tangents lead off a thread: from the last sample before that they are new ones
+                last = first - 2 + findloc(stride%is_closed(first:last), .false., dim=1)
+            end if
+            if (last < first) exit
             first = last + 1
         end do
+        if (has_threads) call find_rates_there(model, closer, at, way, branch, stride)
     end subroutine stride_groups
+
+    !> Rates at the samples along the ways that lead to them. A screw turns by much on a short way: what a bend of the way adds to
+    !> that must not be taken for something unexplained.
+    subroutine find_rates_there(model, closer, at, way, branch, stride)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, 0:), way(:, 0:)
+        real(wp), intent(in), contiguous :: branch(:, :)
+        type(group_stride), intent(inout) :: stride
+        real(wp), dimension(ubound(at, 2)) :: margin
+        logical :: is_sure(ubound(at, 2))
+        integer :: g, n, before
+
+        allocate (stride%rate_there, source=stride%rate)
+        allocate (stride%thread_rate_there, source=stride%thread_rate)
+        if (size(at, 1) == 1) then
+            call turn_to_way()
+            return
+        end if
+        n = ubound(at, 2)
+        before = 0
+        do g = 1, size(model%group)
+            call take_rates(model%group(g), model%group(g)%n_thread)
+        end do
+
+    contains
+
+        !> Along the one coordinate all ways are parts of each other.
+        subroutine turn_to_way()
+            real(wp) :: part
+            integer :: s
+
+            do s = 1, ubound(at, 2)
+                part = 0
+                if (way(1, s) /= 0) part = way(1, s - 1)/way(1, s)
+                stride%rate_there(:, :, s) = part*stride%rate(:, :, s)
+                stride%thread_rate_there(:, s) = part*stride%thread_rate(:, s)
+            end do
+        end subroutine turn_to_way
+
+        subroutine take_rates(group, n_thread)
+            type(group_type), intent(in) :: group
+            integer, intent(in) :: n_thread
+            real(wp), dimension(size(group%unit), n) :: correction, velocity
+            real(wp) :: turned(2*n_thread, n)
+            integer :: s
+
+            call closer%make_steps(g, at(:, 1:), way(:, :n - 1), branch, stride%place(:, :, 1:), correction, velocity, margin, &
+                                   is_sure, turned)
+            do s = 1, n
+                stride%rate_there(:, group%link, s) = reshape(velocity(:, s), [link_freedom(model), size(group%link)])
+            end do
+            stride%thread_rate_there(before + 1:before + n_thread, 1:) = turned(n_thread + 1:, :)
+            before = before + n_thread
+        end subroutine take_rates
+    end subroutine find_rates_there
 
     ! ---------------------------------------------------------------- predictions
 
@@ -128,11 +198,25 @@ contains
                     do k = 1, size(way)
                         by = by + way(k)*tangent(:, l, k)
                     end do
-                    ahead(:, l) = moved_place(place(:, l), by)
+                    ahead(:, l) = led_place(model%group(g), i, place(:, l), by)
                 end associate
             end do
         end do
     end function predicted
+
+    !> A group's link on its way, on which it may spin about its thread.
+    pure function led_place(group, i, place, by) result(ahead)
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: i                               !! of its links
+        real(wp), intent(in) :: place(:), by(:)
+        real(wp) :: ahead(size(place))
+
+        if (all(group%thread_axis(:, i) == 0)) then
+            ahead = moved_place(place, by)
+        else
+            ahead = spun_place(place, by, group%thread_axis(:, i), turned_axis(place, group%thread_axis(:, i)))
+        end if
+    end function led_place
 
     !> Rates and drifts at a place, one for each coordinate.
     subroutine find_tangents(model, closer, q, branch, place, tangents)
@@ -178,13 +262,14 @@ contains
         real(wp), intent(out) :: margin(:, :)                  !! (n_group, sample)
         logical, intent(inout) :: is_closed(:)                 !! false: do not try (sample)
         real(wp) :: at_rest(size(at, 1), size(at, 2)), rate(link_freedom(model), model%n_link, size(at, 2))
+        real(wp) :: thread(2*sum(model%group%n_thread), size(at, 2))
         integer :: g
 
         at_rest = 0
         margin = 0
         do g = 1, size(model%group)
             if (.not. any(is_closed)) return
-            call close_group(model, g, closer, at, at_rest, branch, place, rate, margin(g, :), is_closed)
+            call close_group(model, g, closer, at, at_rest, branch, place, rate, margin(g, :), thread, is_closed)
         end do
     end subroutine close_places
 
@@ -196,6 +281,7 @@ contains
         allocate (stride%place(place_size(model), model%n_link, first:last))
         allocate (stride%rate(link_freedom(model), model%n_link, first:last), source=0.0_wp)
         allocate (stride%margin(size(model%group), first:last), stride%drift(size(model%group), first:last))
+        allocate (stride%thread(sum(model%group%n_thread), first:last), stride%thread_rate(sum(model%group%n_thread), first:last))
         allocate (stride%is_closed(first:last), source=.false.)
     end subroutine make_room
 
@@ -207,12 +293,18 @@ contains
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
         integer, intent(in) :: first, last                     !! samples of the stride
         type(group_stride), intent(inout) :: stride
-        integer :: g
+        real(wp) :: thread(2*maxval(model%group%n_thread), size(at, 2))
+        integer :: g, n, before
 
+        before = 0
         stride%is_closed(first:last) = .true.
         do g = 1, size(model%group)
             call close_group(model, g, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
-                             stride%margin(g, first:last), stride%is_closed(first:last))
+                             stride%margin(g, first:last), thread, stride%is_closed(first:last))
+            n = model%group(g)%n_thread
+            stride%thread(before + 1:before + n, first:last) = thread(:n, :)
+            stride%thread_rate(before + 1:before + n, first:last) = thread(n + 1:2*n, :)
+            before = before + n
             if (.not. any(stride%is_closed(first:last))) return
         end do
         call find_drift(model, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
@@ -220,7 +312,7 @@ contains
     end subroutine close_samples
 
     !> Newton's method at some samples; what does not converge as it must is not closed.
-    subroutine close_group(model, g, closer, at, way, branch, place, rate, margin, is_closed)
+    subroutine close_group(model, g, closer, at, way, branch, place, rate, margin, thread, is_closed)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g
         class(group_closer), intent(in) :: closer
@@ -229,8 +321,10 @@ contains
         real(wp), intent(inout), contiguous :: place(:, :, :)
         real(wp), intent(inout) :: rate(:, :, :)
         real(wp), intent(out) :: margin(:)
+        real(wp), intent(inout) :: thread(:, :)                !! angles of its threads, then their rates, and room (number, sample)
         logical, intent(inout) :: is_closed(:)
         real(wp), dimension(size(model%group(g)%unit), size(at, 2)) :: correction, velocity
+        real(wp) :: spin(size(model%group(g)%unit)), turned(2*model%group(g)%n_thread, size(at, 2))
         real(wp), dimension(size(at, 2)) :: margin_here, before, contraction
         logical, dimension(size(at, 2)) :: is_sure, is_under_way
         real(wp) :: largest, noise, extent
@@ -242,19 +336,22 @@ contains
         contraction = 0
         margin = 0
         do step = 1, most_steps
-            call closer%make_steps(g, at, way, branch, place, correction, velocity, margin_here, is_sure)
+            call closer%make_steps(g, at, way, branch, place, correction, velocity, margin_here, is_sure, turned)
             do s = 1, size(at, 2)
                 if (.not. is_under_way(s)) cycle
                 margin(s) = margin_here(s)
+                call take_spins_apart(model%group(g), place(:, :, s), correction(:, s), spin)
                 largest = maxval(abs(correction(:, s))/model%group(g)%unit)
                 noise = rounding_at(distance_of(model, model%group(g), extent, place(:, :, s)), extent) &
                         /max(abs(margin(s)), least_group_margin)
                 if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
-                is_closed(s) = is_sure(s) .and. largest <= largest_turn .and. contraction(s) <= largest_contraction
+                is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. &
+                               maxval(abs(correction(:, s) - spin)/model%group(g)%unit) <= largest_turn
                 is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
                 before(s) = largest
                 if (.not. is_closed(s)) cycle
                 call move_links(model, model%group(g), -correction(:, s), place(:, :, s))
+                thread(:size(turned, 1), s) = turned(:, s)
                 if (.not. is_under_way(s)) &
                     rate(:, model%group(g)%link, s) = reshape(velocity(:, s), [size(rate, 1), size(model%group(g)%link)])
             end do
@@ -347,7 +444,7 @@ contains
 
         do i = 1, size(group%link)
             associate (l => group%link(i), freedom => link_freedom(model))
-                place(:, l) = moved_place(place(:, l), by(freedom*(i - 1) + 1:freedom*i))
+                place(:, l) = led_place(group, i, place(:, l), by(freedom*(i - 1) + 1:freedom*i))
             end associate
         end do
     end subroutine move_links

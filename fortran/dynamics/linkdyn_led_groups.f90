@@ -1,14 +1,14 @@
 !> Groups closed by iteration, led along straight ways by somebody else's steps: a way a lane, all side by side.
 !>
 !> Of the coordinates on the way nothing but where the groups' links are is looked at. Where more than that changes on it
-!> (branches of closed forms, change points that are to be passed), `linkdyn_led_mechanism` leads the whole mechanism.
+!> (branches of closed forms, change points that are to be passed), `linkdyn_led_mechanism` leads the whole mechanism; so it does
+!> where links spin about threads, whose whole turns no margin tells.
 module linkdyn_led_groups
     use linkdyn_following, only: follower, footing, way_report, follow_way, way_arrived
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, close_from
+    use linkdyn_group_stride, only: group_stride, close_from, predicted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_link_place, only: moved_place
     use linkdyn_model, only: model_type
     implicit none (type, external)
     private
@@ -53,7 +53,7 @@ contains
         integer :: i
 
         arrives = .false.
-        if (.not. any(goes)) return
+        if (.not. any(goes) .or. any(model%group%n_thread > 0)) return
         led%model => model
         led%closer => closer
         led%lane = pack([(i, i=1, size(goes))], goes)
@@ -81,24 +81,18 @@ contains
         real(wp), intent(in) :: part(lanes)
         logical, intent(in) :: is_crossing(:, :)
         type(footing), intent(inout) :: found
-        real(wp) :: predicted(size(self%place, 1), size(self%place, 2), size(self%lane)), q(size(self%way, 1), size(self%lane))
-        integer :: i, g, k
+        real(wp) :: ahead(size(self%place, 1), size(self%place, 2), size(self%lane)), q(size(self%way, 1), size(self%lane))
+        integer :: i
 
-        predicted = self%place
+        ahead = self%place
         do i = 1, size(self%lane)
             associate (lane => self%lane(i))
                 q(:, i) = self%from(:, i) + part(lane)*self%way(:, i)
-                if (.not. allocated(self%rate)) cycle
-                do g = 1, size(self%model%group)
-                    do k = 1, size(self%model%group(g)%link)
-                        associate (l => self%model%group(g)%link(k))
-                            predicted(:, l, i) = moved_place(self%place(:, l, i), (part(lane) - self%at(lane))*self%rate(:, l, i))
-                        end associate
-                    end do
-                end do
+                if (allocated(self%rate)) &
+                    ahead(:, :, i) = predicted(self%model, self%place(:, :, i), self%rate(:, :, i:i), [part(lane) - self%at(lane)])
             end associate
         end do
-        call close_from(self%model, self%closer, q, self%way, self%branch, predicted, self%tried)
+        call close_from(self%model, self%closer, q, self%way, self%branch, ahead, self%tried)
         self%tried_at = part
         found%is_closed = .true.
         found%margin = 1

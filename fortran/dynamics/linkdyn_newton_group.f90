@@ -9,35 +9,36 @@
 !> for rounding. Lanes of which that is not sure are computed here.
 module linkdyn_newton_group
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_constants, only: two_pi
     use linkdyn_following, only: largest_contraction, untrusted
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_group_closing, only: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads, &
-        take_spins_apart
+    use linkdyn_group_closing, only: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads
     use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_table, only: is_threaded, is_slide, n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
+    use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
     use linkdyn_scene, only: joint_revolute
     use linkdyn_step_part, only: describe_steps
+    use linkdyn_threads_of_group, only: surely_same_turn
     use linkdyn_uncertainty, only: uncertainty_of_motion
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted
-    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
+    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin, &
+        take_spins_apart
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
     real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
     real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
-    !> [rad] A nut is predicted on the right turn of its thread if it is off by less: so much that a sixth of a turn is seldom
-    !> exceeded, so little that the next turn is five times as far.
-    real(wp), parameter :: surely_same_turn = 1.0_wp
     real(wp), parameter :: rounding = 16*epsilon(1.0_wp)    !! of a constraint
     !> Below this a margin is not told from zero: rounding e leaves places uncertain by e/margin, and their tangents by
     !> e/margin^2, which must stay small where two assemblies cross.
@@ -65,9 +66,29 @@ contains
                     group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2))*group%row_unit
                 end do
                 group%unit = [(merge(scene_size(model), 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
+                call find_thread_axes(model, group)
             end associate
         end do
     end subroutine prepare_margins
+
+    !> About which axes a group's links may spin. Of a link with several threads the first is taken.
+    pure subroutine find_thread_axes(model, group)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(inout) :: group
+        integer :: i, j
+
+        group%n_thread = count(is_threaded(model%joint(group%joint)%kind))
+        group%thread_axis = reshape([(0.0_wp, i=1, 3*size(group%link))], [3, size(group%link)])
+        do i = size(group%joint), 1, -1
+            associate (joint => model%joint(group%joint(i)))
+                if (.not. is_threaded(joint%kind)) cycle
+                do j = 1, size(group%link)
+                    if (any(joint%link == group%link(j))) &
+                        group%thread_axis(:, j) = joint%frame(:, 3, side_of(joint, group%link(j)))
+                end do
+            end associate
+        end do
+    end subroutine find_thread_axes
 
     !> Which of a group's constraints are distances, in the order of its joints: what each holds, then what is given of it.
     pure function is_distance(model, group) result(is)
@@ -161,9 +182,8 @@ contains
         real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, spin, rate, rate_here
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         logical, dimension(lanes) :: is_recorded, has_rate    ! correction and velocities
-        logical :: has_threads
         type(kernel_use) :: use
-        integer :: step, k
+        integer :: step, k, lane
 
         call begin_use(model, model%group(g)%step, state, use)
         associate (group => model%group(g))
@@ -171,7 +191,6 @@ contains
             largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
             is_done = .not. state%group%moves
             is_refused = .false.
-            has_threads = any(is_threaded(model%joint(group%joint)%kind))
             do step = 1, most_steps
                 before = largest
                 call find_correction(model, g, use, state, correction, rate_here, margin, has_no_pivot, is_recorded)
@@ -185,12 +204,15 @@ contains
                     where (.not. is_done .or. step == 1) rate(:, k) = rate_here(:, k)
                 end do
                 spin = 0
-                if (has_threads) then
-                    if (step == 1) then
-                        where (angle_off_threads(model, use, state) > surely_same_turn) &
+                if (group%n_thread > 0) then
+                    ! who records steps has looked at the threads
+                    if (step == 1 .and. .not. all(is_recorded)) then
+                        where (.not. is_recorded .and. angle_off_threads(model, use, state) > surely_same_turn) &
                             state%group%contraction = huge(1.0_wp)
                     end if
-                    call take_spins_apart(model, group, state, correction, spin)
+                    do lane = 1, lanes
+                        call take_spins_apart(group, state%group%place(lane, :, :), correction(lane, :), spin(lane, :))
+                    end do
                 end if
                 call correct(model, group, correction, correction - spin, .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
@@ -459,6 +481,28 @@ contains
     end function speed_of
 
     ! ---------------------------------------------------------------- places
+
+    !> Of a correction the turns of links about the axes of their threads: a small way along a thread is a large angle about it.
+    !> Whole turns, which change nothing, are taken off the correction itself.
+    pure subroutine take_spins_apart(group, place, correction, spin)
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: place(:, :)              !! (place_size, n_link)
+        real(wp), intent(inout) :: correction(:)         !! (row)
+        real(wp), intent(out) :: spin(:)                 !! (row)
+        real(wp) :: about(3), angle
+        integer :: i
+
+        spin = 0
+        do i = 1, size(group%link)
+            if (all(group%thread_axis(:, i) == 0)) cycle
+            about = turned_axis(place(:, group%link(i)), group%thread_axis(:, i))
+            associate (turn => correction(6*i - 2:6*i))
+                angle = dot_product(turn, about)
+                turn = turn - two_pi*anint(angle/two_pi)*about
+            end associate
+            spin(6*i - 2:6*i) = least_angle(angle)*about
+        end do
+    end subroutine take_spins_apart
 
     !> Take the correction; how large it was: the largest turn, or shift as part of the mechanism's size.
     subroutine correct(model, group, correction, bounded, takes, place, largest)

@@ -18,7 +18,7 @@ module linkdyn_settled_samples
     use linkdyn_mix, only: counter_bits
     use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
     use linkdyn_status, only: sample_ok
-    use linkdyn_stride, only: is_step_believed, is_close
+    use linkdyn_stride, only: is_step_believed, is_close, is_turn_kept
     use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: least_angle, has_vague_turn
     implicit none (type, external)
@@ -257,6 +257,7 @@ contains
         real(wp), parameter :: many = 4              !! times that change, and nothing is left to vanish
         real(wp) :: rate(size(found%rate, 1), size(found%rate, 2)), across(size(way))
         real(wp), dimension(size(found%margin, 1)) :: drift, change
+        real(wp) :: turned(size(found%thread, 1))
         integer :: j
 
         is_like = found%is_closed(i)
@@ -266,14 +267,17 @@ contains
             rate = 0
             drift = 0
             change = 0
+            turned = 0
             do j = 1, size(way)
                 rate = rate + way(j)*tangents%rate(:, :, j)
                 drift = drift + way(j)*tangents%drift(:, j)
                 change = change + abs(across(j)*tangents%drift(:, j))
+                turned = turned + way(j)*tangents%thread_rate(:, j)
             end do
             is_like = is_step_believed(model%least_margin(model%n_branch + 1:), margin, drift, found%margin(:, i), &
                                        found%drift(:, i)) &
-                      .and. all(many*change <= node%least(:, k))
+                      .and. all(many*change <= node%least(:, k)) &
+                      .and. is_turn_kept(tangents%thread(:, 1), found%thread(:, i), (turned + found%thread_rate(:, i))/2)
             if (.not. is_like) return
             is_like = is_close(model, extent, node%found%place(:, :, k), found%place(:, :, i), &
                                (rate + found%rate(:, :, i))/2, min(abs(margin), abs(found%margin(:, i))))

@@ -7,12 +7,13 @@ module linkdyn_stride
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_stride, only: group_stride, stride_groups
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: motion_between
+    use linkdyn_link_place, only: motion_between, spun_place, turned_axis
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, link_freedom, scene_size
+    use linkdyn_threads_of_group, only: surely_same_turn
     implicit none (type, external)
     private
-    public :: stride_type, make_stride, is_step_believed, is_close
+    public :: stride_type, make_stride, is_step_believed, is_close, is_turn_kept
 
     !> The first sample is that from which the stride sets out.
     type :: stride_type
@@ -86,7 +87,7 @@ contains
         real(wp), intent(in) :: extent               !! the mechanism's size
         type(stride_type), intent(in) :: stride
         integer, intent(in) :: i
-        real(wp) :: back
+        real(wp) :: back, rate(link_freedom(model), model%n_link)
 
         is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
         if (.not. is_believed) return
@@ -95,11 +96,24 @@ contains
                                        stride%margin(:, i), back*stride%drift(:, i))
         if (.not. is_believed .or. size(model%group) == 0) return
         associate (groups => stride%groups)
+            rate = back*groups%rate(:, :, i)
+            if (allocated(groups%rate_there)) then
+                rate = groups%rate_there(:, :, i)
+                is_believed = is_turn_kept(groups%thread(:, i - 1), groups%thread(:, i), &
+                                           (groups%thread_rate(:, i - 1) + groups%thread_rate_there(:, i))/2)
+                if (.not. is_believed) return
+            end if
             is_believed = is_close(model, extent, groups%place(:, :, i - 1), groups%place(:, :, i), &
-                                   (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
-                                   min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
+                                   (groups%rate(:, :, i - 1) + rate)/2, min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
     end function is_sample_believed
+
+    !> Are nuts on the turns of their threads to which they have come? A turn is a small way, which tells nothing of margins.
+    pure logical function is_turn_kept(from, to, explained) result(is_kept)
+        real(wp), intent(in) :: from(:), to(:), explained(:)    !! angles, and their change (thread) [rad]
+
+        is_kept = all(abs(to - from - explained) < surely_same_turn)
+    end function is_turn_kept
 
     !> Does no margin vanish within a step, nor at its end?
     pure logical function is_step_believed(least, margin, drift, margin_there, drift_there) result(is_believed)
@@ -144,11 +158,28 @@ contains
             open = 0
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
+                    if (all(model%group(g)%thread_axis(:, i) == 0)) then
+                        moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
+                    else
+                        moved = left_of_spin(from(:, l), to(:, l), explained(:, l), model%group(g)%thread_axis(:, i))
+                    end if
                     open = max(open, maxval(abs(moved(:n)))/extent, maxval(abs(moved(n + 1:))))
                 end associate
             end do
             is_close = is_close .and. open <= part*margin(g)
         end do
     end function is_close
+
+    !> What is left of the motion of a link that may have spun several times between two places. Rates at both of them, each about
+    !> the axis as it stands there, are together those about the axis in between.
+    pure function left_of_spin(from, to, explained, axis) result(left)
+        real(wp), intent(in) :: from(:), to(:)       !! (7)
+        real(wp), intent(in) :: explained(:)         !! (6)
+        real(wp), intent(in) :: axis(3)              !! link axes
+        real(wp) :: left(6)
+        real(wp) :: about(3)
+
+        about = turned_axis(from, axis) + turned_axis(to, axis)
+        left = motion_between(spun_place(from, explained, axis, about/max(norm2(about), tiny(1.0_wp))), to)
+    end function left_of_spin
 end module linkdyn_stride

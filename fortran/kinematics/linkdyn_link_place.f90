@@ -1,9 +1,10 @@
 !> Where a single link stands: x, y and angle in a plane; in space x, y, z and a quaternion w, x, y, z of any length but zero.
 module linkdyn_link_place
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: moved_place, motion_between
+    public :: moved_place, spun_place, motion_between, turned_axis
 
 contains
 
@@ -26,6 +27,36 @@ contains
         moved(7) = place(7) + (by(6)*place(4) + by(4)*place(6) - by(5)*place(5))/2
         moved(4:) = moved(4:)/sqrt(sum(moved(4:)**2))
     end function moved_place
+
+    !> The same of a link that may spin fast about an axis of its own: that turn first, whatever its size and exactly, then the
+    !> rest. One turn about an axis that is nearly its own would take the axis round in a circle, and leave it nearly where it was.
+    pure function spun_place(place, by, axis, about) result(moved)
+        real(wp), intent(in) :: place(:)             !! (7)
+        real(wp), intent(in) :: by(:)                !! (6)
+        real(wp), intent(in) :: axis(3)              !! link axes
+        real(wp), intent(in) :: about(3)             !! the same where the rates are those that have led by so much, world axes
+        real(wp) :: moved(size(place))
+        real(wp) :: angle, s, c
+
+        angle = dot_product(by(4:), about)
+        s = sin(angle/2)
+        c = cos(angle/2)
+        ! about its own axis: from the right
+        moved(:3) = place(:3)
+        moved(4) = c*place(4) - s*dot_product(axis, place(5:))
+        moved(5:) = c*place(5:) + s*(place(4)*axis + cross(place(5:), axis))
+        moved = moved_place(moved, [by(:3), by(4:) - angle*about])
+    end function spun_place
+
+    !> A direction of a link, world axes.
+    pure function turned_axis(place, axis) result(about)
+        real(wp), intent(in) :: place(:)             !! (7)
+        real(wp), intent(in) :: axis(3)              !! link axes
+        real(wp) :: about(3), across(3)
+
+        across = (2/sum(place(4:)**2))*cross(place(5:), axis)
+        about = axis + place(4)*across + cross(place(5:), across)
+    end function turned_axis
 
     !> The shift and the turn, at most half a one, that take one place to another: along its axis, world axes.
     pure function motion_between(from, to) result(by)

@@ -19,7 +19,7 @@ module linkdyn_group_motion
 
     abstract interface
         !> What a group needs where its links stand, for some samples.
-        subroutine make_steps(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+        subroutine make_steps(self, g, q, qd, branch, place, correction, rate, margin, is_sure, thread)
             import :: group_closer, wp
             class(group_closer), intent(in) :: self
             integer, intent(in) :: g                         !! number of the group
@@ -29,7 +29,9 @@ module linkdyn_group_motion
             real(wp), intent(out), contiguous, target :: correction(:, :)     !! to be taken from the places (row, sample)
             real(wp), intent(out), contiguous, target :: rate(:, :)           !! of the places (row, sample)
             real(wp), intent(out) :: margin(:)               !! (sample)
-            logical, intent(out) :: is_sure(:)               !! false: rounding may have grown (sample)
+            logical, intent(out) :: is_sure(:)               !! false: rounding may have grown, or a nut is off its thread (sample)
+            !> Angles of the group's threads by their slides, then their rates (2 n_thread, sample) [rad]
+            real(wp), intent(out), contiguous, target, optional :: thread(:, :)
         end subroutine make_steps
     end interface
 

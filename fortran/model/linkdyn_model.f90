@@ -179,6 +179,8 @@ module linkdyn_model
         real(wp), allocatable :: row_unit(:)  !! of its constraints: the mechanism's size for a distance, 1 for an angle (row)
         real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
+        integer :: n_thread = 0               !! joints in which a turn ties a slide
+        real(wp), allocatable :: thread_axis(:, :)    !! of a link's thread, link axes; 0: it has none (3, link)
         integer :: step = 0                   !! of the plan, that places them
     end type group_type
 

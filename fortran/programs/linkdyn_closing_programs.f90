@@ -8,7 +8,6 @@ module linkdyn_closing_programs
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
-    use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_model, only: model_type, group_type, step_group, n_probe
@@ -17,6 +16,7 @@ module linkdyn_closing_programs
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
         make_scene_program, free_scene_program, free_program_space, load_samples, run_samples, run_one_sample
+    use linkdyn_threads_of_group, only: group_threads, measure_threads, surely_same_turn
     use linkdyn_trace, only: traced_type, begin_trace, trace_steps, alarm_of
     use linkdyn_value, only: value, zero, constant, operator(+), operator(*), square
     implicit none (type, external)
@@ -29,11 +29,13 @@ module linkdyn_closing_programs
     integer, parameter :: out_rate = 202
     integer, parameter :: out_response = 203       !! sum of the squares of A^-1 v, in the units of the unknowns
     integer, parameter :: out_determinant = 204
-    integer, parameter :: out_closing_alarm = 205  !! beyond one, rounding may have grown
+    integer, parameter :: out_closing_alarm = 205  !! beyond one, rounding may have grown, or a nut is off its thread
+    integer, parameter :: out_thread = 206         !! angles of threads by their slides, then their rates
 
     type :: closing_program
         type(scene_program) :: program
         integer :: n = 0                           !! rows
+        integer :: n_thread = 0
         real(wp) :: sense = 1                      !! of the determinant's sign
     end type closing_program
 
@@ -74,8 +76,6 @@ contains
         programs%is_tried = .true.
         programs%samples_at_once = block_lanes()
         if (size(q, 2) == 0) return
-        ! on which turn of a thread a nut is predicted, only the lanes look at
-        if (any(is_threaded(model%joint%kind))) return
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q
@@ -169,14 +169,22 @@ contains
         type(record_type), target :: record
         type(traced_type) :: traced
         type(newton_step) :: step
+        type(group_threads) :: threads
         type(output_list) :: out
+        integer :: i
 
         call open_record(record, sample%n)
         call trace_group_step(model, g, sample, traced, step)
         if (step%is_solved) then
             closing%n = size(model%group(g)%unit)
+            closing%n_thread = model%group(g)%n_thread
+            call measure_threads(traced%mechanism, model%group(g)%joint, model%group(g)%link, step%rate, threads)
+            ! farther off, the nearest turn of a thread need not be that on which its nut is
+            traced%mechanism%watched = [traced%mechanism%watched, &
+                                        (constant(1/surely_same_turn)*threads%off(i), i=1, closing%n_thread)]
             call list_group_step(model%group(g), traced, step, out)
             call add_output(out, out_rate, step%rate)
+            if (closing%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
             call make_scene_program(record, traced%in, out, closing%program)
         end if
         call close_record(record)
@@ -254,32 +262,37 @@ contains
     end subroutine compare_margins
 
     !> See `group_closer`.
-    subroutine make_steps_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+    subroutine make_steps_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure, thread)
         class(closing_programs), intent(in) :: self
         integer, intent(in) :: g
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
         real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)
         real(wp), intent(out) :: margin(:)
         logical, intent(out) :: is_sure(:)
+        real(wp), intent(out), contiguous, target, optional :: thread(:, :)
         type(closing_space), pointer :: space
         real(wp), pointer, contiguous :: place_row(:, :)
+        real(wp) :: turned(2*self%of(g)%n_thread, size(q, 2))
 
         place_row(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
         call take_space(self, space)
-        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), space%one(g), correction, rate, margin, is_sure)
+        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), space%one(g), correction, rate, margin, is_sure, &
+                       turned)
         call return_space(self, space)
+        if (present(thread)) thread = turned
     end subroutine make_steps_by_record
 
     !> The program of one group, sample after sample.
-    subroutine run_steps(closing, q, qd, branch, place, slots, one, correction, rate, margin, is_sure)
+    subroutine run_steps(closing, q, qd, branch, place, slots, one, correction, rate, margin, is_sure, thread)
         type(closing_program), intent(in) :: closing
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
         type(program_space), intent(inout) :: slots, one
         real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)                   !! (row, sample)
         real(wp), intent(out) :: margin(:)
         logical, intent(out) :: is_sure(:)
+        real(wp), intent(out), contiguous, target :: thread(:, :)                                   !! (2 n_thread, sample)
         type(sample_arrays) :: arrays
-        type(output_target) :: to(5)
+        type(output_target) :: to(6)
         real(wp), dimension(1, size(q, 2)), target :: response, determinant, alarm
         integer :: n, first, count, i
 
@@ -289,7 +302,7 @@ contains
         arrays%of(in_branch)%x => branch
         arrays%of(in_place)%x => place
         to = [goes_to(out_correction, correction), goes_to(out_rate, rate), goes_to(out_response, response), &
-              goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm)]
+              goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm), goes_to(out_thread, thread)]
         if (n == 1) then
             call run_alone()
         else
@@ -311,14 +324,15 @@ contains
 
         !> One sample, as a run has it, which takes a part of what a block takes. Its outputs come in their order.
         subroutine run_alone()
-            real(wp) :: output(2*closing%n + 3)
+            real(wp) :: output(2*closing%n + 3 + 2*closing%n_thread)
 
             call run_one_sample(closing%program, arrays, one, output)
             correction(:, 1) = output(:closing%n)
             response(1, 1) = output(closing%n + 1)
             determinant(1, 1) = output(closing%n + 2)
             alarm(1, 1) = output(closing%n + 3)
-            rate(:, 1) = output(closing%n + 4:)
+            rate(:, 1) = output(closing%n + 4:2*closing%n + 3)
+            thread(:, 1) = output(2*closing%n + 4:)
         end subroutine run_alone
     end subroutine run_steps
 

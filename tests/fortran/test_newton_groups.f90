@@ -12,7 +12,7 @@ module test_newton_groups
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_link_place, only: moved_place, motion_between
+    use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, step_group
     use linkdyn_planar_motion, only: planar_motion
@@ -24,6 +24,7 @@ module test_newton_groups
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_stride, only: stride_type, make_stride
     use linkdyn_test_numbers, only: random_stream, random_walk, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -46,7 +47,9 @@ contains
             new_test("dyads", test_dyads), &
             new_test("slides parallel to a moving link", test_parallel_slides), &
             new_test("places of links", test_places), &
+            new_test("spinning links", test_spins), &
             new_test("recorded steps", test_recorded_steps), &
+            new_test("recorded steps of screws", test_screws), &
             new_test("strides by recorded steps", test_strides)]
     end subroutine collect_newton_groups
 
@@ -212,11 +215,101 @@ contains
         end do
     end subroutine test_places
 
+    !> Links that spin about an axis of their own by many turns, and turn a little besides, against two turns one after the other.
+    subroutine test_spins(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        real(wp) :: place(7), axis(3), about(3), tilt(3), spin, moved(7)
+        real(wp) :: turned(lanes, 4), nothing(6)
+        integer :: k
+
+        nothing = 0
+        do k = 1, 8
+            place = stream%vector(7)
+            place(4:) = place(4:)/norm2(place(4:))
+            axis = stream%vector(3)
+            axis = axis/norm2(axis)
+            about = turned_axis(place, axis)
+            spin = 10*k*(-1)**k
+            tilt = 1.0e-4_wp*stream%vector(3)
+            tilt = tilt - dot_product(tilt, about)*about
+            moved = spun_place(place, [0.1_wp, 0.2_wp, 0.3_wp, spin*about + tilt], axis, about)
+            turned = turned_by(turned_by(spread(place(4:), 1, lanes), spread(spin*about, 1, lanes)), spread(tilt, 1, lanes))
+            call check_close(error, moved(:3), place(:3) + [0.1_wp, 0.2_wp, 0.3_wp], 4*eps, "shifted")
+            call check_close(error, motion_between(moved, [moved(:3), turned(1, :)]), nothing, 1.0e-12_wp, "turned")
+            call check_close(error, norm2(turned_axis(moved, axis) - about), norm2(tilt), 1.0e-12_wp, "the axis by the tilt alone")
+        end do
+    end subroutine test_spins
+
+    !> Steps of a loop with a screw: how far its nut has gone, with its turns; whether it is on its thread; and a stride of many
+    !> turns, made by them alone.
+    subroutine test_screws(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 240
+        real(wp), parameter :: off(4) = [0.5_wp, 1.5_wp, 8*atan(1.0_wp) + 0.5_wp, -2.5_wp]    ! a nut, by so much [rad]
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(sample_assembly) :: found
+        type(closing_programs), target :: closing
+        class(group_closer), pointer :: closer
+        class(margin_source), pointer :: margins
+        type(stride_type) :: stride
+        real(wp) :: q(1, 1), way(1, 1), branch(0, 1), margin(1), thread(2, 1)
+        real(wp), allocatable :: correction(:, :), rate(:, :), place(:, :, :)
+        logical :: is_sure(1)
+        integer :: i, s, spindle
+
+        call read_scene("tests/scenes/screw_loop.toml", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        q = 40
+        way = 0.3_wp
+        call settle_samples(model, 1, q, found)
+        call make_closing_programs(model, q, found%place, found%margin, closing)
+        call check(error, closing%is_usable, "there are programs")
+        if (.not. closing%is_usable) return
+        associate (group => model%group(1))
+            allocate (correction(size(group%unit), 1), rate(size(group%unit), 1))
+            spindle = findloc(group%link, model%joint(findloc(model%joint%name == "S", .true., dim=1))%link(2), dim=1)
+            do i = 0, size(off)
+                place = found%place
+                associate (p => place(:, group%link(spindle), 1), axis => group%thread_axis(:, spindle))
+                    if (i > 0) p = spun_place(p, [(0.0_wp, s=1, 3), off(i)*turned_axis(p, axis)], axis, turned_axis(p, axis))
+                end associate
+                call closing%make_steps(1, q, way, branch, place, correction, rate, margin, is_sure, thread)
+                call check(error, is_sure(1) .eqv. (i == 0 .or. modulo(i, 2) == 1), "sure where a nut is near its thread")
+                if (i == 0) call check_close(error, thread(:, 1), [q, way], 1.0e-12_wp*q(1, 1), "the nut's turns, and their rate")
+            end do
+        end associate
+        nullify (margins)
+        closer => closing
+        call make_stride(model, model%start_q, reshape([(model%start_q + 0.5_wp*s, s=1, n)], [1, n]), model%branch, &
+                         start_of(model), closer, margins, stride)
+        call check(error, stride%n_believed == n, "a stride of twenty turns needs no lanes")
+        call check_close(error, stride%groups%thread(1, n), model%start_q(1) + 0.5_wp*n, 1.0e-9_wp, "all of them")
+        call closing%free()
+
+    contains
+
+        pure function start_of(model) result(place)
+            type(model_type), intent(in) :: model
+            real(wp) :: place(7, model%n_link)
+            integer :: g
+
+            place = 0
+            do g = 1, size(model%group)
+                place(:, model%group(g)%link) = model%group(g)%start
+            end do
+        end function start_of
+    end subroutine test_screws
+
     !> Newton's step by a record: velocities are differences of places that the lanes have found, and links that were shifted a
     !> little are brought back.
     subroutine test_recorded_steps(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(3) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram"]
+        character(len=*), parameter :: name(4) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram", "screw_loop"]
         real(wp), parameter :: h = 1.0e-5_wp           ! differences: errors of h^2 over cubed margins
         type(scene_type) :: scene
         type(status_type) :: status
@@ -265,8 +358,8 @@ contains
     !> Motions followed by strides of recorded steps and by lanes: the same assemblies, and the same words where one is lost.
     subroutine test_strides(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(5) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
-                                                  "excavator", "boom_by_stroke"]
+        character(len=*), parameter :: name(6) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
+                                                  "excavator", "boom_by_stroke", "screw_loop"]
         integer, parameter :: n = 240, first = 20      ! not whole numbers of strides
         type(scene_type) :: scene
         type(status_type) :: status
@@ -295,6 +388,7 @@ contains
                 call follow_both(random_walk(model%start_q, n, 0.03_wp))
                 ! More than a turn of a crank leads through change points.
                 if (model%n_q == 1) call follow_both(reshape([(model%start_q + 0.03_wp*s, s=0, n - 1)], [1, n]))
+                if (name(i) == "screw_loop") call follow_both(reshape([(model%start_q + 0.5_wp*s, s=0, n - 1)], [1, n]))
             end if
             call closing%free()
             if (model%n_branch > 0) call free_recorded(recorded)
