@@ -31,8 +31,6 @@ module linkdyn_step_curve
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)   !! of rates and their sums, relative
     !> What the integral lacks is the step's own error, which may be so much over the one allowed; what it makes of it is even.
     real(wp), parameter :: unexpected = 30
-    !> Iterations that take off less than this part of what is open will not end in time.
-    real(wp), parameter :: slow = 0.7_wp
 
     !> What so many pieces have for all steps.
     type :: curve_table
@@ -132,12 +130,28 @@ contains
             along = now
             if (.not. open <= huge(open)) return
             if (iteration > 1 .and. open*min(1.0_wp, open/before) <= max(1.0_wp, last)) exit
-            if (iteration > 2 .and. .not. open < slow*before) return
+            if (iteration > 2 .and. .not. will_end(iteration, open, open/before)) return
             before = open
         end do
         wants_more = last > 1
         self%is_there = iteration <= most_iterations .and. last <= 1 .and. all(abs(lacks) <= unexpected*allowed)
     end subroutine iterate
+
+    !> Will what is open have been settled in time? The k-th iteration leaves the part c/k of it, c the step times the largest rate
+    !> at which errors grow or fade.
+    pure logical function will_end(iteration, open, part)
+        integer, intent(in) :: iteration                  !! done
+        real(wp), intent(in) :: open                      !! what is, over what may stay so
+        real(wp), intent(in) :: part                      !! of it that the last one has left
+        real(wp) :: ahead
+        integer :: k
+
+        ahead = log(max(open, tiny(open)))
+        do k = iteration + 1, most_iterations
+            ahead = ahead + log(max(iteration*part/k, tiny(part)))
+        end do
+        will_end = ahead < 0
+    end function will_end
 
     !> Rates at the places within the step.
     subroutine find_rates(system, t, length, y, share, along, rate, n_evaluation, has_failed)
