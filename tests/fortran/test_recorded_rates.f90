@@ -3,7 +3,7 @@
 module test_recorded_rates
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
-        finish_forward, run_ensemble, method_gbs, method_rk4
+        finish_forward, run_ensemble, method_gbs, method_rk4, method_seulex
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp
@@ -50,6 +50,8 @@ contains
                  new_test("a run", test_run), new_test("instants closer than steps", test_close_instants), &
                  new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
+                 new_test("stages far ahead", test_stages_ahead), &
+                 new_test("motors elsewhere", test_motors_elsewhere), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
 
@@ -332,6 +334,40 @@ contains
         call check(error, n_of_motion > 3000, "nearly all forces come from the record: "//to_text(n_of_motion))
         call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
     end subroutine test_motion_forces
+
+    !> Loops closed by iteration, by a method whose steps take a crank half a turn on: the stages in between are led there.
+    subroutine test_stages_ahead(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: method(2) = [method_gbs, method_seulex]
+        real(wp), parameter :: t(2) = [1.0_wp, 2.0_wp]
+        type(model_type), target :: model
+        real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
+        integer :: n_by_record, n_unasked, i
+
+        call load_model(error, "examples/spatial_slider_crank/scene", model)
+        do i = 1, size(method)
+            associate (options => integrator_options(method=method(i), rtol=1.0e-11_wp, atol=1.0e-11_wp))
+                call run_to_end(error, model, options, .false., t, by_lanes, n_unasked)
+                call run_to_end(error, model, options, .true., t, by_record, n_by_record)
+            end associate
+            call check(error, n_by_record > 1000, "nearly all rates come from the record: "//to_text(n_by_record))
+            call check_close(error, by_record, by_lanes, 1.0e-7_wp, "crank")
+        end do
+    end subroutine test_stages_ahead
+
+    !> Motors with losses, a winding and a brake, at joints that are no coordinates.
+    subroutine test_motors_elsewhere(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(2) = [character(len=16) :: "fivebar_pick", "hoist"]
+        type(model_type), target :: model
+        integer :: i
+
+        do i = 1, size(name)
+            call load_model(error, "examples/"//trim(name(i))//"/scene", model)
+            if (allocated(error%message)) return
+            call compare_rates(error, trim(name(i)), model)
+        end do
+    end subroutine test_motors_elsewhere
 
     !> A parallelogram through its change points: near them the lanes follow the assembly, elsewhere the record serves. It turns
     !> as a point mass would on its path, whatever the assembly, as long as it stays a parallelogram.
