@@ -2,8 +2,9 @@
 submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
-    use linkdyn_law_sight, only: plan_law_sight, find_part_in_sight, well_within
+    use linkdyn_law_sight, only: plan_law_sight, find_part_in_sight, find_part_of_splines, well_within
     use linkdyn_measures, only: find_measures
+    use linkdyn_time_laws, only: laws_over_time
     implicit none (type, external)
 
     !> Coordinates that turn farther between two places are not followed by them.
@@ -16,8 +17,11 @@ contains
         integer :: lane
 
         part = 1
-        if (.not. self%sight%is_planned) call plan_law_sight(self%model%scene%laws, self%span, self%sight)
-        if (.not. self%sight%is_wanted) return
+        if (.not. self%may_leap) return
+        if (.not. self%sight%is_planned) &
+            call plan_law_sight(self%model%scene%laws, laws_over_time(self%model), self%span, self%sight)
+        call find_part_of_splines(t, length, self%sight, part)
+        if (part < 1 .or. .not. self%sight%has_laws) return
         if (self%sight%sees_places .and. allocated(self%is_angle)) then
             turned = maxval(abs(y_end - y), mask=self%is_angle)
             if (turned > farthest_turn) then

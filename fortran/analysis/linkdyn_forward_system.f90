@@ -37,7 +37,7 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_law_sight, only: law_sight
+    use linkdyn_law_sight, only: law_sight, is_spline
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
@@ -47,6 +47,7 @@ module linkdyn_forward_system
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
+    use linkdyn_time_laws, only: laws_over_time
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
@@ -347,6 +348,7 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
+        system%may_leap = system%may_jump .or. any(is_spline(laws_over_time(model)))
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)

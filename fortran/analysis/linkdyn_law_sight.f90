@@ -13,10 +13,11 @@ module linkdyn_law_sight
     use linkdyn_formula, only: node_symbol
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws, law_argument
-    use linkdyn_scene, only: law_book, state_law, measure_time, measure_joint
+    use linkdyn_laws, only: evaluate_law
+    use linkdyn_scene, only: law_book, law_spec, state_law, law_table, measure_time, measure_joint
     implicit none (type, external)
     private
-    public :: law_sight, plan_law_sight, find_part_in_sight, well_within
+    public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, is_spline, well_within
 
     real(wp), parameter :: widest_gap = 0.4_wp         !! between stages of a step, part of it: rkf45's; of rk8pd a quarter
     !> Of a law's range over the step. What the cubic between its ends errs by is a hump over all of the step, 0.3 of it too narrow.
@@ -30,24 +31,26 @@ module linkdyn_law_sight
     !> What each law must be looked at by.
     type :: law_sight
         logical :: is_planned = .false.
-        logical :: is_wanted = .false.                 !! there are laws
+        logical :: has_laws = .false.                  !! over the state
         logical :: sees_places = .false.               !! one of them depends on where the mechanism is
         real(wp), allocatable :: piece(:)              !! of a measure, that formulas take; huge: any (measure)
         real(wp), allocatable :: rows(:)               !! half the width of the narrowest peak that a table can have (law)
         real(wp), allocatable :: largest(:)            !! size of a value so far (law)
+        type(law_spec), allocatable :: spline(:)       !! tables over time whose rows do not end steps
     end type law_sight
 
 contains
 
-    subroutine plan_law_sight(book, span, sight)
+    subroutine plan_law_sight(book, over_time, span, sight)
         type(law_book), intent(in) :: book
+        type(law_spec), intent(in) :: over_time(:)     !! laws of the scene
         real(wp), intent(in) :: span                   !! of the run; 0: not known [s]
         type(law_sight), intent(out) :: sight
         integer :: k
 
         sight%is_planned = .true.
-        if (.not. allocated(book%law)) return
-        sight%is_wanted = size(book%law) > 0
+        sight%spline = pack(over_time, is_spline(over_time))
+        sight%has_laws = size(book%law) > 0
         allocate (sight%piece(size(book%measure)), sight%rows(size(book%law)), source=huge(1.0_wp))
         allocate (sight%largest(size(book%law)), source=0.0_wp)
         do k = 1, size(book%law)
@@ -85,6 +88,12 @@ contains
             end associate
         end subroutine note
     end subroutine plan_law_sight
+
+    pure elemental logical function is_spline(law)
+        type(law_spec), intent(in) :: law
+
+        is_spline = law%kind == law_table .and. allocated(law%curvature)
+    end function is_spline
 
     !> A peak takes a row on either side of its own: half of that.
     pure real(wp) function narrowest(row)
@@ -125,6 +134,36 @@ contains
                        part_before_peak(-value(:, k), noise*sight%largest(k)))
         end do
     end subroutine find_part_in_sight
+
+    !> The same for splines over time.
+    pure subroutine find_part_of_splines(t, length, sight, part)
+        real(wp), intent(in) :: t, length              !! of the step [s]
+        type(law_sight), intent(in) :: sight
+        real(wp), intent(out) :: part
+        real(wp), allocatable :: value(:)
+        real(wp) :: asked, rate, rate2
+        integer :: i, k, n
+
+        part = 1
+        do k = 1, size(sight%spline)
+            associate (spline => sight%spline(k))
+                asked = length/narrowest(spline%time)
+                if (asked > most) then
+                    part = min(part, well_within*most/asked)
+                    cycle
+                end if
+                n = max(fewest, ceiling(asked))
+                allocate (value(n + 1))
+                do i = 0, n
+                    call evaluate_law(spline, t + (length*i)/n, value(i + 1), rate, rate2)
+                end do
+                call fill_gaps(value)
+                part = min(part, part_before_peak(value, noise*maxval(abs(spline%knot))), &
+                           part_before_peak(-value, noise*maxval(abs(spline%knot))))
+                deallocate (value)
+            end associate
+        end do
+    end subroutine find_part_of_splines
 
     !> An angle from place to place, without jumps by a turn.
     pure subroutine unwrap(angle)

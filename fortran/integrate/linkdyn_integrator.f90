@@ -495,7 +495,7 @@ contains
         logical :: has_failed(2)
 
         length = t_end - t
-        if (.not. system%may_jump) return
+        if (.not. system%may_leap) return
         call system%evaluate_alone(t, y, rate, has_failed(1))
         call system%evaluate_alone(t_end, y_end, rate_end, has_failed(2))
         if (.not. any(has_failed)) length = length*system%part_in_sight(t, length, y, rate, y_end, rate_end)

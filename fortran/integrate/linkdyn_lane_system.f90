@@ -12,6 +12,7 @@ module linkdyn_lane_system
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
         integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
         real(wp) :: span = 0                              !! how long the run is to be; 0: not known
+        logical :: may_leap = .false.                     !! stages may leap over what f does within a step: see `part_in_sight`
         logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
         logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
                                                           !! turn, and are asked for no worse; not allocated: none (n)

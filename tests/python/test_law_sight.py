@@ -8,6 +8,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"]
 HEIGHT, WIDTH = 2.0, np.radians(20.0)
@@ -67,6 +68,18 @@ def test_a_table_over_time(method: str, tmp_path: Path) -> None:
     scene = linkdyn.Scene(flywheel(laws=law, load=[{"on": "wheel.O", "moment": "push"}]), folder=tmp_path)
     run = scene.forward(method=method)
     np.testing.assert_allclose(run.qd.values[-1, 0], 10 + 0.2 / 0.5, rtol=1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_spline_over_time(method: str, tmp_path: Path) -> None:
+    """Its rows end no steps: 3 of 300 are not zero. What it adds comes from the same spline by scipy."""
+    time = np.linspace(0.0, 6.0, 301)
+    moment = np.where(np.abs(time - 3.3) < 0.03, 20.0, 0.0)
+    (tmp_path / "push.csv").write_text("t,M\n" + "\n".join(f"{t:.17g},{m:.17g}" for t, m in zip(time, moment)) + "\n")
+    load = {"on": "wheel.O", "moment": {"law": "table", "table": "push.csv", "column": "M", "interpolation": "spline"}}
+    run = linkdyn.Scene(flywheel(load=[load]), folder=tmp_path).forward(method=method)
+    added = CubicSpline(time, moment, bc_type="not-a-knot").integrate(0.0, 6.0) / 0.5
+    np.testing.assert_allclose(run.qd.values[-1, 0], 10 + added, rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", METHODS[:-1])
