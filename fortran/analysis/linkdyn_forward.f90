@@ -814,11 +814,13 @@ contains
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
         else if (stalled > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
-        else if (run%system%bounce%is_ahead) then
-            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
-        else if (run%system%assembly%map_lost(1) > 0) then
+        else if (run%system%assembly%map_lost(1) > 0 .and. .not. (run%system%bounce%is_ahead &
+                                                                  .and. run%model%scene%passes_change_points)) then
+            ! where runs end at change points, what turns back there does so for that
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
+        else if (run%system%bounce%is_ahead) then
+            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
