@@ -20,6 +20,7 @@ module linkdyn_forward
     use linkdyn_event_log, only: event_log, event_entry, add_entry
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
+    use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
         rates_by_record
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
@@ -34,14 +35,12 @@ module linkdyn_forward
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_law_values, only: rows_over_time
-    use linkdyn_laws, only: law_kinks
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
+    use linkdyn_scene, only: scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
         has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
         sample_unreachable, sample_branch_lost, sample_not_converged
@@ -95,8 +94,7 @@ module linkdyn_forward
         type(turn_count) :: turns                      !! of the samples given
         integer :: n_crossed = 0                       !! change points passed before the last sample computed
         integer :: n_passed = 0                        !! before the last sample given, or where the run has stopped
-        real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
-        real(wp) :: passed_kink = -huge(1.0_wp)        !! the last one, or instant of a controller [s]
+        type(kink_list) :: kinks
         logical :: has_stopped = .false.
         logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]
@@ -158,15 +156,8 @@ contains
         type(model_type), intent(in) :: model
         type(forward_options), intent(in) :: options
         type(status_type), intent(inout) :: status
-        integer :: i
 
-        call collect_kinks(model, run%kink)
-        associate (row => rows_over_time(model%scene%laws, options%t_start, options%t_start + options%integrator%span))
-            do i = 1, size(row)
-                call add_kink(row(i), run%kink)
-            end do
-        end associate
-        run%kink = pack(run%kink, run%kink > options%t_start)
+        call collect_kinks(model, options%t_start, options%t_start + options%integrator%span, run%kinks)
         run%output = run%y
         call begin_at_stops(run%system, options%t_start, run%y)
         call run%system%begin_with_clutches(options%t_start, run%y)
@@ -416,7 +407,8 @@ contains
 
             may_wait = i < size(t) .and. n_waiting < lanes .and. .not. (is_lost(i) .or. run%has_stopped .or. run%is_over)
             if (.not. may_wait) return
-            may_wait = run%integrator%t > t(i + 1) .and. next_kink(run) > t(i + 1) + 4*spacing(t(i + 1)) &
+            may_wait = run%integrator%t > t(i + 1) .and. &
+                       .not. is_there_by(next_kink(run%kinks, run%system), t(i + 1)) &
                        .and. run%system%n_guard == 0 .and. n_clutch(run%model%scene) == 0 &
                        .and. n_controller(run%model%scene) == 0
         end function may_wait
@@ -576,14 +568,13 @@ contains
         real(wp) :: kink
 
         do
-            kink = next_kink(run)
-            ! what rounding puts behind the instant of output is at it
-            if (kink > t + 4*spacing(t) .or. all(run%integrator%failed)) exit
+            kink = next_kink(run%kinks, run%system)
+            if (.not. is_there_by(kink, t) .or. all(run%integrator%failed)) exit
             call advance_to(run, kink)
             if (run%integrator%is_paused) return
-            call pass_kink(run, kink)
+            call pass_kink(run%kinks, run%system, run%integrator, run%y, kink)
         end do
-        call advance_to(run, max(t, run%passed_kink))
+        call advance_to(run, max(t, run%kinks%passed))
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
@@ -592,34 +583,6 @@ contains
         run%reason = reason_of_stop(run)
         call release_texts()
     end subroutine go_to
-
-    !> The next instant at which a law changes its formula, or a controller does something; huge: none.
-    pure real(wp) function next_kink(run) result(kink)
-        type(forward_run), intent(in) :: run
-
-        kink = run%system%next_control()
-        if (size(run%kink) > 0) kink = min(kink, run%kink(1))
-    end function next_kink
-
-    !> The integrator has got to a kink: what changes there changes.
-    subroutine pass_kink(run, kink)
-        type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: kink                   !! [s]
-
-        logical :: is_changed
-
-        is_changed = .false.
-        if (.not. all(run%integrator%failed)) then
-            call run%system%control_now(kink, run%y)
-            call run%system%switch_now(kink, run%y, is_changed)
-        end if
-        if (is_changed) call run%integrator%go_on_from(run%system, run%y)
-        where (run%system%is_driven_through) run%integrator%failed = .true.
-        call run%integrator%reset()
-        run%passed_kink = kink
-        if (size(run%kink) == 0) return
-        if (run%kink(1) <= kink + 4*spacing(kink)) run%kink = pack(run%kink, run%kink > kink + 4*spacing(kink))
-    end subroutine pass_kink
 
     !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
     subroutine advance_to(run, t)
@@ -638,7 +601,7 @@ contains
                 call change_phase(run)
             end if
             if (all(run%integrator%failed)) exit
-            kink = next_kink(run)
+            kink = next_kink(run%kinks, run%system)
             if (kink < huge(kink)) then
                 call run%integrator%advance(run%system, t, run%y, run%output, max(t, kink))
             else
@@ -1157,73 +1120,4 @@ contains
             end do
         end subroutine store
     end subroutine run_ensemble
-
-    ! ---------------------------------------------------------------- kinks
-
-    !> Instants at which any law of the scene changes its formula, increasing.
-    subroutine collect_kinks(model, kink)
-        type(model_type), intent(in) :: model
-        real(wp), allocatable, intent(out) :: kink(:)
-        integer :: i, k
-
-        allocate (kink(0))
-        do i = 1, model%n_q
-            call add_kinks(model%scene%coordinate(i)%motion, kink)
-        end do
-        do i = 1, model%n_actuator
-            call add_kinks(model%scene%actuator(i)%drive%target, kink)
-            associate (brake => model%scene%actuator(i)%motor%brake)
-                if (brake%from < huge(1.0_wp)) call add_kink(brake%from, kink)
-                if (brake%until < huge(1.0_wp)) call add_kink(brake%until, kink)
-            end associate
-        end do
-        do i = 1, n_clutch(model%scene)
-            associate (clutch => model%scene%clutch(i))
-                call add_kinks(clutch%capacity, kink)
-                if (clutch%from < huge(1.0_wp)) call add_kink(clutch%from, kink)
-                if (clutch%until < huge(1.0_wp)) call add_kink(clutch%until, kink)
-            end associate
-        end do
-        do i = 1, n_controller(model%scene)
-            call add_kinks(model%scene%controller(i)%target, kink)
-            call add_kinks(model%scene%controller(i)%feed_law, kink)
-        end do
-        do i = 1, size(model%scene%payload)
-            associate (spec => model%scene%payload(i))
-                call add_kinks(spec%mass, kink)
-                if (spec%from > -huge(1.0_wp)) call add_kink(spec%from, kink)
-                if (spec%until < huge(1.0_wp)) call add_kink(spec%until, kink)
-            end associate
-        end do
-        do i = 1, size(model%scene%base%motion)
-            call add_kinks(model%scene%base%motion(i), kink)
-        end do
-        do i = 1, model%n_load
-            do k = 1, 3
-                call add_kinks(model%scene%load(i)%force(k), kink)
-                call add_kinks(model%scene%load(i)%moment(k), kink)
-            end do
-        end do
-    end subroutine collect_kinks
-
-    !> Merge the kinks of a law into a sorted list without doubles.
-    subroutine add_kinks(law, kink)
-        type(law_spec), intent(in) :: law
-        real(wp), allocatable, intent(inout) :: kink(:)
-        real(wp), allocatable :: new(:)
-        integer :: i
-
-        call law_kinks(law, new)
-        do i = 1, size(new)
-            call add_kink(new(i), kink)
-        end do
-    end subroutine add_kinks
-
-    subroutine add_kink(instant, kink)
-        real(wp), intent(in) :: instant
-        real(wp), allocatable, intent(inout) :: kink(:)
-
-        if (any(kink == instant)) return
-        kink = [pack(kink, kink < instant), instant, pack(kink, kink > instant)]
-    end subroutine add_kink
 end module linkdyn_forward

@@ -2,18 +2,19 @@
 !> controller's, and reads where the mechanism is at its end.
 !>
 !> The forces stay as they are during a step, as those of a controller with a hold do. Steps of the integrator end where
-!> the caller's do; what it has learnt of their length it keeps.
+!> the caller's do, and at the kinks of laws between; what it has learnt of their length it keeps.
 module linkdyn_simulator
     use linkdyn_failure, only: failure_at
+    use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
-    use linkdyn_integrator, only: integrator_type, integrator_options, method_rk4, stop_growth, stop_pace
+    use linkdyn_integrator, only: integrator_type, integrator_options, stop_growth, stop_pace
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_inverse, n_clutch
+    use linkdyn_scene, only: drive_inverse
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -26,6 +27,8 @@ module linkdyn_simulator
         type(integrator_type), allocatable :: integrator
         type(forward_system), pointer :: system => null()
         real(wp), allocatable :: y(:, :)               !! state (lane, n)
+        type(kink_list), private :: kinks
+        real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
         type(kinematic_state), private :: scratch
     contains
         procedure :: open, set, step, read, close
@@ -86,6 +89,8 @@ contains
             return
         end if
         call self%system%begin_with_clutches(t, self%y)
+        call collect_kinks(self%model, t, huge(t), self%kinks)
+        self%t = t
         allocate (self%integrator)
         call self%integrator%start(self%options, self%system, t, self%y, status)
     end subroutine set
@@ -112,15 +117,12 @@ contains
         real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m]
         type(status_type), intent(inout) :: status
         real(wp), parameter :: breath = 0.25_wp        !! [s]
-        real(wp), allocatable :: y_end(:, :)
-        real(wp) :: piece_end
-        logical :: is_changed
+        logical :: is_there
 
         if (.not. allocated(self%integrator)) then
             call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
             return
         end if
-        allocate (y_end(lanes, self%system%n))
         if (all(self%integrator%failed)) then
             call refuse_to_go_on(self, status)
             return
@@ -130,51 +132,41 @@ contains
             call self%integrator%reset()
         end if
         call self%integrator%pause%set(breath)
-        do
-            piece_end = min(next_switching(self%model, self%integrator%t, t_end), &
-                            max(self%system%next_control(), self%integrator%t))
-            if (self%options%method == method_rk4) then
-                call self%integrator%advance(self%system, piece_end, self%y, y_end)
-            else
-                call self%integrator%advance(self%system, piece_end, self%y, y_end, t_kink=piece_end)
-            end if
-            if (self%integrator%t < piece_end) exit
-            if (any(self%integrator%failed) .or. self%integrator%is_lost) exit
-            call self%system%switch_now(piece_end, self%y, is_changed)
-            if (is_changed) call self%integrator%go_on_from(self%system, self%y)
-            where (self%system%is_driven_through) self%integrator%failed = .true.
-            if (any(self%integrator%failed)) exit
-            if (self%system%next_control() <= piece_end) then
-                call self%system%control_now(piece_end, self%y)
-                if (piece_end >= t_end) call self%integrator%reset()
-            end if
-            if (.not. piece_end < t_end) exit
-            call self%integrator%reset()
-        end do
+        call go_to(self, t_end, is_there)
+        self%t = merge(max(t_end, self%integrator%t), self%integrator%t, is_there)
         if (any(self%integrator%failed) .or. self%integrator%is_lost) call refuse_to_go_on(self, status)
     end subroutine step
 
-    !> The first instant at which a brake or clutch comes on or off, or the end of the step.
-    pure real(wp) function next_switching(model, t, t_end) result(next)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t, t_end               !! [s]
-        real(wp), parameter :: close = 1.0e-14_wp       !! that is the instant, written in other digits
-        integer :: i
+    !> Integrate to t_end, in pieces that end at the kinks on the way. From one that only rounding keeps from t_end no step leads
+    !> there.
+    subroutine go_to(self, t_end, is_there)
+        type(simulator_type), intent(inout) :: self
+        real(wp), intent(in) :: t_end                  !! [s]
+        logical, intent(out) :: is_there               !! not stopped or paused on the way
+        real(wp) :: kink
 
-        next = t_end
-        do i = 1, model%n_actuator
-            associate (brake => model%scene%actuator(i)%motor%brake)
-                if (brake%from > t + close*abs(t) .and. brake%from < next) next = brake%from
-                if (brake%until > t + close*abs(t) .and. brake%until < next) next = brake%until
-            end associate
+        is_there = .true.
+        do
+            kink = next_kink(self%kinks, self%system)
+            if (.not. is_there_by(kink, t_end)) exit
+            call advance_to(self, kink, is_there)
+            if (.not. is_there) return
+            call pass_kink(self%kinks, self%system, self%integrator, self%y, kink)
         end do
-        do i = 1, n_clutch(model%scene)
-            associate (clutch => model%scene%clutch(i))
-                if (clutch%from > t + close*abs(t) .and. clutch%from < next) next = clutch%from
-                if (clutch%until > t + close*abs(t) .and. clutch%until < next) next = clutch%until
-            end associate
-        end do
-    end function next_switching
+        if (.not. is_there_by(t_end, self%kinks%passed)) call advance_to(self, t_end, is_there)
+        is_there = is_there .and. .not. any(self%integrator%failed)
+    end subroutine go_to
+
+    !> Integrate to an instant at which a step ends.
+    subroutine advance_to(self, t, is_there)
+        type(simulator_type), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        logical, intent(out) :: is_there
+        real(wp) :: y_end(lanes, self%system%n)
+
+        call self%integrator%advance(self%system, t, self%y, y_end, t_kink=t)
+        is_there = self%integrator%is_there .and. .not. (any(self%integrator%failed) .or. self%integrator%is_lost)
+    end subroutine advance_to
 
     subroutine refuse_to_go_on(self, status)
         type(simulator_type), intent(inout) :: self
@@ -202,9 +194,9 @@ contains
         real(wp), intent(out) :: q(:), qd(:)           !! (n_q)
         real(wp), dimension(lanes, size(q)) :: position, rate, acceleration
 
-        t = self%integrator%t
-        call read_coordinates(self%model, self%system%layout, spread(t, 1, lanes), self%y, self%system%turns, self%scratch, &
-                              position, rate, acceleration)
+        t = self%t
+        call read_coordinates(self%model, self%system%layout, spread(self%integrator%t, 1, lanes), self%y, self%system%turns, &
+                              self%scratch, position, rate, acceleration)
         q = position(1, :)
         qd = rate(1, :)
     end subroutine read

@@ -436,7 +436,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
-        real(wp) :: h, h_seen, t_before, solution(size(y, 2)), kept(lanes, size(y, 2))
+        real(wp) :: h, h_seen, t_before, t_next, solution(size(y, 2)), kept(lanes, size(y, 2))
         logical :: ok, is_sound
         integer :: n_jump
 
@@ -447,7 +447,8 @@ contains
             t_before = self%t
             kept = y
             n_jump = system%n_jump
-            call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            t_next = end_of_looking(self, system, t_end)
+            call self%gsl%take_step(self%t, t_next, h, solution, ok)
             call self%pause%note_work()
             if (.not. ok .and. is_interrupted()) then
                 self%t = t_before
@@ -475,11 +476,15 @@ contains
             if (.not. (is_sound .or. all(self%failed))) call undo_broken_steps(self, system, n_jump, kept, y)
             if (all(self%failed) .and. self%reason == stop_law) self%good_until = t_before
             if (all(self%failed)) exit
-            if (self%is_at_crossing) call meet(self, system, y)
+            if (self%is_at_crossing) then
+                call meet(self, system, y)
+            else if (system%n_guard > 0) then
+                call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
+            end if
             if (system%n_guard > 0) solution = y(1, :)
             if (all(self%failed)) exit
-            ! A step cut short by t_end says nothing against the longer one proposed before.
-            if (self%t >= t_end .and. self%last_step < self%next_step) h = max(h, self%next_step)
+            ! A step cut short by where it had to end says nothing against the longer one proposed before.
+            if (self%t >= t_next .and. self%last_step < self%next_step) h = max(h, self%next_step)
             self%next_step = h
             if (system%wants_rest .or. all(self%failed)) exit
         end do
@@ -609,7 +614,6 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :), y_end(:, :)
         real(wp), intent(in), optional :: t_kink
-        integer, parameter :: fewest_steps = 50
         real(wp) :: limit, t_last, t_next, t_before, turns(lanes, system%n)
         integer :: outcome
 
@@ -632,8 +636,7 @@ contains
             if (all(self%failed)) exit
             call self%control%begin_taken(system, self%taken)
             t_before = self%t
-            t_next = t_last
-            if (system%n_guard > 0 .and. self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+            t_next = end_of_looking(self, system, t_last)
             call self%control%take_step(system, t_next, limit, self%pause, outcome)
             self%is_paused = outcome == step_paused
             if (self%is_paused) exit
@@ -658,6 +661,17 @@ contains
         end do
         call count_work(self)
     end subroutine advance_controlled
+
+    !> Where a step ends at the latest, so that what guards do between its places is seen.
+    pure real(wp) function end_of_looking(self, system, t_last) result(t_next)
+        type(integrator_type), intent(in) :: self
+        class(lane_system), intent(in) :: system
+        real(wp), intent(in) :: t_last                          !! where it ends at the latest anyway
+        integer, parameter :: fewest_steps = 50                 !! of a run
+
+        t_next = t_last
+        if (system%n_guard > 0 .and. self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+    end function end_of_looking
 
     !> A step in which guards cross ends there.
     subroutine end_at_crossing(self, system)
