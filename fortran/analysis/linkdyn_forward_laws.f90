@@ -3,7 +3,9 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
     use linkdyn_law_sight, only: plan_law_sight, find_part_in_sight, find_part_of_splines, well_within
+    use linkdyn_laws, only: evaluate_law
     use linkdyn_measures, only: find_measures
+    use linkdyn_model, only: is_length
     use linkdyn_time_laws, only: laws_over_time
     implicit none (type, external)
 
@@ -20,10 +22,10 @@ contains
         if (.not. self%may_leap) return
         if (.not. self%sight%is_planned) &
             call plan_law_sight(self%model%scene%laws, laws_over_time(self%model), self%span, self%sight)
-        call find_part_of_splines(t, length, self%sight, part)
+        call find_part_of_splines(t, length, gap, self%sight, part)
         if (part < 1 .or. .not. self%sight%has_laws) return
-        if (self%sight%sees_places .and. allocated(self%is_angle)) then
-            turned = maxval(abs(y_end - y), mask=self%is_angle)
+        if (self%sight%sees_places) then
+            turned = farthest_turned(self, t, length, y, y_end)
             if (turned > farthest_turn) then
                 part = well_within*farthest_turn/turned
                 return
@@ -35,8 +37,31 @@ contains
             way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
         end do
         call measure_states(self, instant, way, measure)
-        call find_part_in_sight(self%model%scene%laws, measure, self%sight, part)
+        call find_part_in_sight(self%model%scene%laws, measure, gap, self%sight, part)
     end procedure part_in_sight
+
+    !> The angle by which a step turns a coordinate farthest, integrated or driven.
+    real(wp) function farthest_turned(self, t, length, y, y_end) result(turned)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: t, length              !! of the step [s]
+        real(wp), intent(in) :: y(:), y_end(:)         !! at its ends (n)
+        real(wp) :: angle(2), ignored(2)
+        integer :: k
+
+        turned = 0
+        do k = 1, self%model%n_q
+            if (is_length(self%model, k)) cycle
+            associate (p => self%layout%position(k), motion => self%model%scene%coordinate(k)%motion)
+                if (p > 0) then
+                    turned = max(turned, abs(y_end(p) - y(p)))
+                else if (self%layout%rate(k) == 0) then
+                    call evaluate_law(motion, t, angle(1), ignored(1), ignored(2))
+                    call evaluate_law(motion, t + length, angle(2), ignored(1), ignored(2))
+                    turned = max(turned, abs(angle(2) - angle(1)))
+                end if
+            end associate
+        end do
+    end function farthest_turned
 
     !> The cubic that meets solution and rates at both ends of a step.
     pure elemental real(wp) function between(share, y, way, y_end, way_end)

@@ -206,9 +206,10 @@ module linkdyn_forward_system
         ! ---- linkdyn_forward_laws
         !> How much of a step is to be gone at once: no law may have a peak within it that is narrower than the gaps between
         !> stages, nor an angle that laws depend on turn farther than they are looked at by.
-        module function part_in_sight(self, t, length, y, rate, y_end, rate_end) result(part)
+        module function part_in_sight(self, t, length, gap, y, rate, y_end, rate_end) result(part)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t, length              !! of the step [s]
+            real(wp), intent(in) :: gap                    !! the widest one between stages, part of it
             real(wp), intent(in), dimension(:) :: y, rate, y_end, rate_end    !! at its ends (n)
             real(wp) :: part
         end function part_in_sight

@@ -19,7 +19,6 @@ module linkdyn_law_sight
     private
     public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, is_spline, well_within
 
-    real(wp), parameter :: widest_gap = 0.4_wp         !! between stages of a step, part of it: rkf45's; of rk8pd a quarter
     !> Of a law's range over the step. What the cubic between its ends errs by is a hump over all of the step, 0.3 of it too narrow.
     real(wp), parameter :: much = 0.4_wp
     real(wp), parameter :: well_within = 0.9_wp        !! of what may be gone: a step of just that might be found too long again
@@ -104,9 +103,10 @@ contains
     end function narrowest
 
     !> How much of a step may be gone at once; 1: all of it.
-    pure subroutine find_part_in_sight(book, measure, sight, part)
+    pure subroutine find_part_in_sight(book, measure, gap, sight, part)
         type(law_book), intent(in) :: book
         real(wp), intent(in) :: measure(:, :)          !! at equal distances from the step's beginning to its end (place, measure)
+        real(wp), intent(in) :: gap                    !! the widest one between stages, part of the step
         type(law_sight), intent(inout) :: sight
         real(wp), intent(out) :: part
         real(wp) :: followed(size(measure, 1), size(measure, 2)), asked
@@ -130,14 +130,15 @@ contains
         do k = 1, size(book%law)
             call fill_gaps(value(:, k))
             sight%largest(k) = max(sight%largest(k), maxval(abs(value(:, k))))
-            part = min(part, part_before_peak(value(:, k), noise*sight%largest(k)), &
-                       part_before_peak(-value(:, k), noise*sight%largest(k)))
+            part = min(part, part_before_peak(value(:, k), gap, noise*sight%largest(k)), &
+                       part_before_peak(-value(:, k), gap, noise*sight%largest(k)))
         end do
     end subroutine find_part_in_sight
 
     !> The same for splines over time.
-    pure subroutine find_part_of_splines(t, length, sight, part)
+    pure subroutine find_part_of_splines(t, length, gap, sight, part)
         real(wp), intent(in) :: t, length              !! of the step [s]
+        real(wp), intent(in) :: gap                    !! as above
         type(law_sight), intent(in) :: sight
         real(wp), intent(out) :: part
         real(wp), allocatable :: value(:)
@@ -158,8 +159,8 @@ contains
                     call evaluate_law(spline, t + (length*i)/n, value(i + 1), rate, rate2)
                 end do
                 call fill_gaps(value)
-                part = min(part, part_before_peak(value, noise*maxval(abs(spline%knot))), &
-                           part_before_peak(-value, noise*maxval(abs(spline%knot))))
+                part = min(part, part_before_peak(value, gap, noise*maxval(abs(spline%knot))), &
+                           part_before_peak(-value, gap, noise*maxval(abs(spline%knot))))
                 deallocate (value)
             end associate
         end do
@@ -230,8 +231,9 @@ contains
     end subroutine fill_gaps
 
     !> Up to where a peak begins that is too narrow; 1: there is none.
-    pure real(wp) function part_before_peak(value, least) result(part)
+    pure real(wp) function part_before_peak(value, gap, least) result(part)
         real(wp), intent(in) :: value(:)               !! from the step's beginning to its end
+        real(wp), intent(in) :: gap                    !! as above
         real(wp), intent(in) :: least                  !! range that says something
         real(wp), parameter :: shortest = 0.05_wp      !! where it begins at once
         real(wp) :: range
@@ -240,7 +242,7 @@ contains
         part = 1
         range = maxval(value) - minval(value)
         if (.not. range > least) return
-        i = findloc(value - opened(value, ceiling(widest_gap*(size(value) - 1)) + 1) > much*range, .true., dim=1)
+        i = findloc(value - opened(value, ceiling(gap*(size(value) - 1)) + 1) > much*range, .true., dim=1)
         if (i > 0) part = max(shortest, real(i - 2, wp)/(size(value) - 1))
     end function part_before_peak
 

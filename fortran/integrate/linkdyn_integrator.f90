@@ -496,6 +496,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, t_end
         real(wp), intent(in) :: y(:), y_end(:)                  !! there (n)
+        real(wp), parameter :: whole_step = 1                   !! the multistep method looks at its end alone
         real(wp) :: rate(size(y)), rate_end(size(y))
         logical :: has_failed(2)
 
@@ -503,7 +504,7 @@ contains
         if (.not. system%may_leap) return
         call system%evaluate_alone(t, y, rate, has_failed(1))
         call system%evaluate_alone(t_end, y_end, rate_end, has_failed(2))
-        if (.not. any(has_failed)) length = length*system%part_in_sight(t, length, y, rate, y_end, rate_end)
+        if (.not. any(has_failed)) length = length*system%part_in_sight(t, length, whole_step, y, rate, y_end, rate_end)
     end function length_in_sight
 
     !> Does a step to a solution keep the law of the system as far as the tolerances ask? The first steps of the multistep method,

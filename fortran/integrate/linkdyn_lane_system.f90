@@ -108,9 +108,10 @@ contains
     end function leads_too_far
 
     !> How much of a step is to be gone at once, since its stages may have leapt over what the system does within it; 1: all of it.
-    function part_in_sight(self, t, length, y, rate, y_end, rate_end) result(part)
+    function part_in_sight(self, t, length, gap, y, rate, y_end, rate_end) result(part)
         class(lane_system), intent(inout) :: self
         real(wp), intent(in) :: t, length                 !! of the step
+        real(wp), intent(in) :: gap                       !! the widest one between places that it has looked at, part of it
         real(wp), intent(in), dimension(:) :: y, rate, y_end, rate_end    !! at its ends (n)
         real(wp) :: part
 

@@ -52,6 +52,8 @@ module linkdyn_step_control
     !> What the many sums of an error estimate round off, relative; and tolerances so near to it that the error standing against
     !> a step is mostly rounding.
     real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nearly_rounding = 10*rounding
+    !> Between stages of a step, part of it: rkf45's; of rk8pd a quarter.
+    real(wp), parameter :: widest_gap = 0.4_wp
     integer, parameter :: most_unseen = 4          !! steps on rough ground before it is measured again
 
     !> A step tried.
@@ -184,7 +186,7 @@ contains
             if (trial%part <= 1) call look_at_end(self, system, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) call look_for_missed(self, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
-                part = system%part_in_sight(self%t, trial%step, self%y, self%rate, trial%y, trial%rate)
+                part = system%part_in_sight(self%t, trial%step, widest_gap, self%y, self%rate, trial%y, trial%rate)
                 if (part < 1) then
                     self%n_rejected = self%n_rejected + 1
                     self%step = part*trial%step

@@ -61,6 +61,30 @@ def test_a_push_in_a_long_run(name: str, method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_a_push_over_the_place_of_a_marker_that_is_driven_round(method: str) -> None:
+    """Ten times a second; a mass on a slide beside it feels a force while the marker is near."""
+    scene = flywheel(
+        link=[
+            {"name": "wheel", "mass": 2, "inertia": 0.5, "markers": {"O": [0, 0], "P": [1, 0]}},
+            {"name": "mass", "mass": 2, "markers": {"O": [0, 0]}},
+        ],
+        joint=[
+            {"name": "J", "type": "revolute", "between": ["frame.O", "wheel.O"]},
+            {"name": "S", "type": "prismatic", "between": ["frame.O", "mass.O"]},
+        ],
+        coordinate=[{"joint": "J", "motion": {"law": "constant-rate", "rate": "600 rpm"}}, {"joint": "S", "start": 0}],
+        measures={"x": {"marker": "wheel.P", "component": "x"}},
+        load=[{"on": "mass.O", "force": ["10 N*max(0, (x - 0.95 m)/(1 m))", 0]}],
+        time={"end": 2.05, "samples": 2},
+    )
+    run = linkdyn.Scene(scene).forward(method=method)
+    top = np.arccos(0.95)
+    impulse = 10 * (2 * np.sin(top) - 2 * 0.95 * top) / (20 * np.pi)
+    # twenty times wholly, and half of it where the run begins
+    np.testing.assert_allclose(run.qd.values[-1, 1], 20.5 * impulse / 2, rtol=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_table_over_time(method: str, tmp_path: Path) -> None:
     """Its rows end steps."""
     (tmp_path / "push.csv").write_text("time,M\n0,0\n3.3,0\n3.31,20\n3.32,0\n6,0\n")
