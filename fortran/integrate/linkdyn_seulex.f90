@@ -7,7 +7,7 @@
 !> **Source**: Deuflhard (1985), Recent progress in extrapolation methods for ordinary differential equations; Hairer, Wanner,
 !> Solving Ordinary Differential Equations II, section IV.9.
 module linkdyn_seulex
-    use linkdyn_extrapolation, only: extrapolation_method, add_row
+    use linkdyn_extrapolation, only: extrapolation_method
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -32,18 +32,17 @@ module linkdyn_seulex
     contains
         procedure :: start
         procedure :: cross
-        procedure :: sees_all
         procedure :: error_unseen
+        procedure :: compares_end
     end type seulex_method
 
 contains
 
-    !> A substep looks at the rates where it begins, and never again: not where the step ends.
-    pure logical function sees_all(self)
+    pure logical function compares_end(self)
         class(seulex_method), intent(in) :: self
 
-        sees_all = .false.
-    end function sees_all
+        compares_end = .true.
+    end function compares_end
 
     !> A kink of the rates within the first substep or the last one of the longest column is met by no column, and all agree. But
     !> rates at the columns' second substeps, extrapolated to none as their ways are, are those at the step's start; and slopes of
@@ -66,16 +65,12 @@ contains
         real(wp), intent(inout) :: table(:, :)            !! (n, most)
         real(wp), intent(in) :: goal(:)                   !! (n)
         integer, intent(in) :: n_damped                   !! substeps that damp it
-        real(wp), dimension(size(goal)) :: missed, way, before, change
+        real(wp), dimension(size(goal)) :: missed, limit, way
         real(wp), parameter :: explained = 10
         integer :: i
 
-        do i = 2, self%row
-            before = table(:, 1)
-            call add_row(self, i, table, change)
-        end do
-        missed = goal - table(:, 1)
-        way = table(:, 1) - before
+        call self%find_limit(table, limit, way)
+        missed = goal - limit
         associate (inverse => self%inverse(max(self%row, self%first) - self%first + 1, :, :))
             do i = 1, n_damped
                 missed = matmul(inverse, missed)

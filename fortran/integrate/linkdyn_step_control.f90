@@ -315,7 +315,6 @@ contains
         type(trial_type), intent(inout) :: trial       !! the step tried last, with the rates at its end
         real(wp) :: error(size(self%y))
 
-        if (self%method%sees_all()) return
         call self%method%error_unseen(trial%step, self%rate, trial%rate, error)
         trial%has_missed = .not. all(abs(error) <= trial%allowed)
         trial%has_failed = trial%has_missed
@@ -706,10 +705,13 @@ contains
         solution = moved(y, rest, way)
         if (has_failed .or. .not. all(abs(error) <= huge(1.0_wp))) return
         part = maxval(abs(error)/self%allowed)
-        if (part > 1 .or. self%method%sees_all()) return
+        if (part > 1) return
         ! a kink that it has not met
-        call system%evaluate_alone(t_end, solution, rate_end, has_failed)
-        self%n_evaluation = self%n_evaluation + 1
+        rate_end = rate
+        if (self%method%compares_end()) then
+            call system%evaluate_alone(t_end, solution, rate_end, has_failed)
+            self%n_evaluation = self%n_evaluation + 1
+        end if
         if (.not. has_failed) call self%method%error_unseen(t_end - t, rate, rate_end, error)
         if (has_failed .or. .not. all(abs(error) <= self%allowed)) part = huge(1.0_wp)
     end subroutine step_from
