@@ -14,7 +14,7 @@ module linkdyn_extrapolation
     use linkdyn_one_step, only: one_step_method
     implicit none (type, external)
     private
-    public :: extrapolation_method, add_row
+    public :: extrapolation_method
 
     integer, parameter :: fewest = 3                      !! columns: with fewer nothing tells errors from rounding
 
@@ -35,6 +35,7 @@ module linkdyn_extrapolation
     contains
         procedure(cross_step), deferred :: cross
         procedure :: start_table
+        procedure :: find_limit
         procedure :: try_step
         procedure :: propose
         procedure :: forget
@@ -167,6 +168,23 @@ contains
             table(:, i) = table(:, i + 1) + change
         end do
     end subroutine add_row
+
+    !> What else the columns have found in a step leads to with no substeps, up to the row that its way was taken from, and how far
+    !> its last row has led it.
+    pure subroutine find_limit(self, table, limit, change)
+        class(extrapolation_method), intent(in) :: self
+        real(wp), intent(inout) :: table(:, :)            !! of each column, then last entries of the rows (n, most)
+        real(wp), intent(out) :: limit(:), change(:)      !! (n)
+        real(wp) :: before(size(limit)), last(size(limit))
+        integer :: j
+
+        do j = 2, self%row
+            before = table(:, 1)
+            call add_row(self, j, table, last)
+        end do
+        limit = table(:, 1)
+        change = limit - before
+    end subroutine find_limit
 
     !> Step and number of columns that should come cheapest, from the errors of all columns so far.
     subroutine propose(self, step, allowed, is_accepted, next)

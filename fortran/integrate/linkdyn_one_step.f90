@@ -11,8 +11,8 @@ module linkdyn_one_step
     contains
         procedure(try_step), deferred :: try_step
         procedure(propose_step), deferred :: propose
-        procedure :: sees_all
         procedure :: error_unseen
+        procedure :: compares_end
         procedure :: forget
         procedure :: release
     end type one_step_method
@@ -46,14 +46,8 @@ module linkdyn_one_step
 
 contains
 
-    !> Do the stages of a step, or their differences, meet every kink of the rates that lies within?
-    pure logical function sees_all(self)
-        class(one_step_method), intent(in) :: self
-
-        sees_all = .true.
-    end function sees_all
-
-    !> For methods that do not: what may have been left out of the step tried last, beside its error.
+    !> What may have been left out of the step tried last, beside its error: stages, or their differences, need not have met all
+    !> that lies within it.
     subroutine error_unseen(self, step, start_rate, end_rate, error)
         class(one_step_method), intent(inout) :: self
         real(wp), intent(in) :: step
@@ -62,6 +56,13 @@ contains
 
         error = 0*(step + start_rate + end_rate)
     end subroutine error_unseen
+
+    !> Does that need the rates where the step ends?
+    pure logical function compares_end(self)
+        class(one_step_method), intent(in) :: self
+
+        compares_end = .false.
+    end function compares_end
 
     !> What was learnt from steps so far does not hold beyond.
     subroutine forget(self)

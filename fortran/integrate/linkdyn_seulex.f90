@@ -7,7 +7,7 @@
 !> **Source**: Deuflhard (1985), Recent progress in extrapolation methods for ordinary differential equations; Hairer, Wanner,
 !> Solving Ordinary Differential Equations II, section IV.9.
 module linkdyn_seulex
-    use linkdyn_extrapolation, only: extrapolation_method, add_row
+    use linkdyn_extrapolation, only: extrapolation_method
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -27,35 +27,36 @@ module linkdyn_seulex
         real(wp), allocatable, private :: y_there(:)             !! where the Jacobian is from; not allocated: there is none
         real(wp), private :: t_there = 0
         real(wp), allocatable, private :: second_rate(:, :)      !! where each column's second substep begins (n, most)
-        real(wp), allocatable, private :: last_slope(:, :)       !! of its last one (n, most)
+        real(wp), allocatable, private :: late_slope(:, :)       !! of its last one but one (n, most)
         integer, private :: first = 1                            !! column on the first lane of `inverse`
     contains
         procedure :: start
         procedure :: cross
-        procedure :: sees_all
         procedure :: error_unseen
+        procedure :: compares_end
     end type seulex_method
 
 contains
 
-    !> A substep looks at the rates where it begins, and never again: not where the step ends.
-    pure logical function sees_all(self)
+    pure logical function compares_end(self)
         class(seulex_method), intent(in) :: self
 
-        sees_all = .false.
-    end function sees_all
+        compares_end = .true.
+    end function compares_end
 
-    !> A kink of the rates within the first substep or the last one of the longest column is met by no column, and all agree. But
-    !> rates at the columns' second substeps, extrapolated to none as their ways are, are those at the step's start; and slopes of
-    !> their last ones are those at its end. If rates there are others, the way lacks no more than half of a substep times the
-    !> difference: less of stiff components, and of what they had to make good at the start the substeps behind leave little.
+    !> A kink of the rates within the first substep or the last one of the longest column is met by no column, or, if it comes by
+    !> the clock, by all in that substep alone, which makes an error proportional to it that is extrapolated to none: all agree. But
+    !> rates at the columns' second substeps, extrapolated as their ways are, are those at the step's start; and slopes of their
+    !> last ones but one, which no kink behind changes, are those at its end. If rates there are others, the way lacks no more than
+    !> half of a substep times the difference: less of stiff components, and of what they had to make good at the start the substeps
+    !> behind leave little.
     subroutine error_unseen(self, step, start_rate, end_rate, error)
         class(seulex_method), intent(inout) :: self
         real(wp), intent(in) :: step
         real(wp), intent(in) :: start_rate(:), end_rate(:)
         real(wp), intent(out) :: error(:)
 
-        error = missed_by(self, self%second_rate, start_rate, 1 + self%n_substep(1)) + missed_by(self, self%last_slope, end_rate, 1)
+        error = missed_by(self, self%second_rate, start_rate, 1 + self%n_substep(1)) + missed_by(self, self%late_slope, end_rate, 1)
         error = abs(step)/(2*self%n_substep(self%row))*error
     end subroutine error_unseen
 
@@ -66,16 +67,12 @@ contains
         real(wp), intent(inout) :: table(:, :)            !! (n, most)
         real(wp), intent(in) :: goal(:)                   !! (n)
         integer, intent(in) :: n_damped                   !! substeps that damp it
-        real(wp), dimension(size(goal)) :: missed, way, before, change
+        real(wp), dimension(size(goal)) :: missed, limit, way
         real(wp), parameter :: explained = 10
         integer :: i
 
-        do i = 2, self%row
-            before = table(:, 1)
-            call add_row(self, i, table, change)
-        end do
-        missed = goal - table(:, 1)
-        way = table(:, 1) - before
+        call self%find_limit(table, limit, way)
+        missed = goal - limit
         associate (inverse => self%inverse(max(self%row, self%first) - self%first + 1, :, :))
             do i = 1, n_damped
                 missed = matmul(inverse, missed)
@@ -95,8 +92,8 @@ contains
         allocate (self%jacobian(n, n), self%inverse(lanes, n, n))
         ! About the best order there.
         call self%start_table(n, all_substeps(:most), power=1, k=nint(1.5_wp - 0.6_wp*log10(rtol)))
-        if (allocated(self%second_rate)) deallocate (self%second_rate, self%last_slope)
-        allocate (self%second_rate(n, self%most), self%last_slope(n, self%most))
+        if (allocated(self%second_rate)) deallocate (self%second_rate, self%late_slope)
+        allocate (self%second_rate(n, self%most), self%late_slope(n, self%most))
     end subroutine start
 
     !> The rule on all columns.
@@ -145,7 +142,7 @@ contains
                 end do
                 do l = 1, n_used
                     if (m == 2) self%second_rate(:, column(l)) = self%rate(l, :)
-                    if (m == n_substep(l)) self%last_slope(:, column(l)) = self%before(l, :)/substep(l)
+                    if (m == n_substep(l) - 1) self%late_slope(:, column(l)) = self%before(l, :)/substep(l)
                 end do
             end do
             do l = 1, n_used

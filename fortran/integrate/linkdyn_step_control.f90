@@ -4,10 +4,10 @@
 !> An error above the one allowed has one of two causes. If the method is the cause, as it is in a peak of the rates however
 !> narrow, a shorter step is right. If rounding is, as it is near a change point, where rates lose digits, shorter steps gain
 !> nothing and lead into the place where it is worst. Errors cannot tell: both may fall slowly or not at all with the step.
-!> So the step is taken again a millionth of it sooner and later. What its error estimate then differs by *is* rounding; what
-!> it has in common is not. Where rounding explains an error, longer and shorter steps are tried, and the one
-!> with the least is taken, if it leaves the result the digits that every result must have. As long as rates
-!> are as rough as there, what rounding makes of a step is allowed.
+!> So the step is taken again some millionths of it later. What its error estimate then differs by *is* rounding; what it has in
+!> common is not. These copies lie within the step: laws that begin or end where it does are others beyond. Where rounding explains
+!> an error, longer and shorter steps are tried, and the one with the least is taken, if it leaves the result the digits that every
+!> result must have. As long as rates are as rough as there, what rounding makes of a step is allowed, within the same bounds.
 !>
 !> Rates must be known where a step ends, since the next one begins with them. What rounding takes from the solution at a
 !> step is added at the next.
@@ -324,15 +324,15 @@ contains
         type(trial_type), intent(inout) :: trial       !! the step tried last, with the rates at its end
         real(wp) :: error(size(self%y))
 
-        if (self%method%sees_all()) return
         call self%method%error_unseen(trial%step, self%rate, trial%rate, error)
         trial%has_missed = .not. all(abs(error) <= trial%allowed)
         trial%has_failed = trial%has_missed
     end subroutine look_for_missed
 
     !> The error that the tolerances ask for, and the one allowed: no less than what the many sums of an error estimate round
-    !> off, what rounding makes of rates, and a part of the mean that it has made of the steps so far. To hold others to less
-    !> gains nothing, and its many steps would meet the places where rounding is worst.
+    !> off, what rounding makes of rates, if it leaves the digits that every result must have, and a part of the mean that it has
+    !> made of the steps so far. To hold others to less gains nothing, and its many steps would meet the places where rounding is
+    !> worst.
     pure subroutine find_allowed(self, system, trial)
         type(step_control), intent(in) :: self
         class(lane_system), intent(in) :: system
@@ -346,7 +346,8 @@ contains
         end if
         trial%asked = self%atol + self%rtol*size_of
         trial%allowed = max(trial%asked*max(1.0_wp, share_of_rounding(self)), rounding*size_of, &
-                            rounding*max(abs(trial%way), abs(trial%step*self%rate)), explained*self%roughness*abs(trial%step))
+                            rounding*max(abs(trial%way), abs(trial%step*self%rate)), &
+                            min(explained*self%roughness*abs(trial%step), bearable(self%rtol, self%atol)*trial%asked))
         if (.not. allocated(system%is_book)) return
         where (system%is_book)
             trial%asked = huge(1.0_wp)
@@ -518,8 +519,15 @@ contains
         type(step_control), intent(in) :: self
         type(trial_type), intent(in) :: trial
 
-        is_good_enough = relative_error(self, trial) <= max(least_accuracy, 10*self%rtol, 10*self%atol)
+        is_good_enough = maxval(abs(trial%error)/trial%asked) <= bearable(self%rtol, self%atol)
     end function is_good_enough
+
+    !> Largest error that leaves a result the digits it must have, over the one asked for.
+    pure real(wp) function bearable(rtol, atol)
+        real(wp), intent(in) :: rtol, atol
+
+        bearable = max(10.0_wp, least_accuracy/max(rtol, atol))
+    end function bearable
 
     !> Is the ground still rough, on a step that is good enough?
     subroutine watch_roughness(self, system, trial)
@@ -537,15 +545,15 @@ contains
         self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%asked))*rough/trial%step
     end subroutine watch_roughness
 
-    !> How much of the error estimate rounding makes: its scatter among steps that begin a very little sooner or later, and in
-    !> the last place elsewhere. Not known where one of these cannot be taken, which is no matter of rounding.
+    !> How much of the error estimate rounding makes: its scatter among steps that begin a very little later, and in the last
+    !> place elsewhere. Not known where one of these cannot be taken, which is no matter of rounding.
     subroutine measure_rounding(self, system, trial, rough, is_known)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         type(trial_type), intent(in) :: trial
         real(wp), intent(out) :: rough(:)              !! (n)
         logical, intent(out) :: is_known
-        real(wp), parameter :: shift(2) = [-0.9_wp, 0.7_wp]*little
+        real(wp), parameter :: shift(2) = [0.7_wp, 1.6_wp]*little, shorter = 1 - 2*little
         real(wp), dimension(size(self%y)) :: y, rate, way, error
         real(wp) :: t
         logical :: has_failed
@@ -559,7 +567,7 @@ contains
             call system%evaluate_alone(t, y, rate, has_failed)
             self%n_evaluation = self%n_evaluation + 1
             if (.not. has_failed) &
-                call self%method%try_step(system, t, trial%step, y, rate, way, error, has_failed, .true.)
+                call self%method%try_step(system, t, shorter*trial%step, y, rate, way, error, has_failed, .true.)
             if (has_failed) return
             rough = max(rough, abs(error - trial%error))
         end do
@@ -681,7 +689,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t
         real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
-        real(wp) :: ahead(size(solution)), back(size(solution)), bearable, part(2)
+        real(wp) :: ahead(size(solution)), back(size(solution)), most, part(2)
 
         call step_from(self, system, self%t(1), self%y(1, :), self%rest, self%rate(1, :), t, ahead, part(1))
         solution = ahead
@@ -692,10 +700,10 @@ contains
         if (part(2) <= 1) return
         call go_within(self, system, t, solution)
         if (all(abs(solution) <= huge(1.0_wp))) return
-        bearable = max(10.0_wp, least_accuracy/max(self%rtol, self%atol))
-        if (part(1) <= min(part(2), bearable)) then
+        most = bearable(self%rtol, self%atol)
+        if (part(1) <= min(part(2), most)) then
             solution = ahead
-        else if (part(2) <= bearable) then
+        else if (part(2) <= most) then
             solution = back
         end if
     end subroutine step_within
@@ -715,10 +723,13 @@ contains
         solution = moved(y, rest, way)
         if (has_failed .or. .not. all(abs(error) <= huge(1.0_wp))) return
         part = maxval(abs(error)/self%allowed)
-        if (part > 1 .or. self%method%sees_all()) return
+        if (part > 1) return
         ! a kink that it has not met
-        call system%evaluate_alone(t_end, solution, rate_end, has_failed)
-        self%n_evaluation = self%n_evaluation + 1
+        rate_end = rate
+        if (self%method%compares_end()) then
+            call system%evaluate_alone(t_end, solution, rate_end, has_failed)
+            self%n_evaluation = self%n_evaluation + 1
+        end if
         if (.not. has_failed) call self%method%error_unseen(t_end - t, rate, rate_end, error)
         if (has_failed .or. .not. all(abs(error) <= self%allowed)) part = huge(1.0_wp)
     end subroutine step_from

@@ -14,6 +14,13 @@ module test_gbs
     private
     public :: collect_gbs
 
+    !> A block on a plane whose friction sticks within a creep speed: place and speed.
+    type, extends(lane_system) :: sliding_block
+        real(wp) :: deceleration = 0, creep = 0
+    contains
+        procedure :: evaluate => evaluate_block
+    end type sliding_block
+
     !> A planet: position and velocity in the plane, attraction 1/r**2.
     type, extends(lane_system) :: orbit
         real(wp) :: ends_at = huge(1.0_wp)        !! no rates beyond this instant
@@ -33,7 +40,8 @@ contains
                  new_test("short output intervals", test_intervals), &
                  new_test("the solution within steps", test_within), &
                  new_test("a curve with a kink is refused", test_kink), &
-                 new_test("stops where rates end", test_end)]
+                 new_test("stops where rates end", test_end), &
+                 new_test("a block slides to rest", test_slide)]
     end subroutine collect_gbs
 
     subroutine evaluate_orbit(self, t, y, rate, failed)
@@ -199,4 +207,50 @@ contains
         call check(error, control%t <= 1 .and. control%t > 1 - 1.0e-6_wp, "steps shorten up to the end")
         call check(error, abs(norm2(control%y(1:2)) - 1) < 1.0e-6_wp, "the last good solution is kept")
     end subroutine test_end
+
+    subroutine evaluate_block(self, t, y, rate, failed)
+        class(sliding_block), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes), y(:, :)
+        real(wp), intent(out) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
+
+        failed = t > huge(1.0_wp)
+        rate(:, 1) = y(:, 2)
+        rate(:, 2) = -self%deceleration*tanh(y(:, 2)/self%creep)
+        call spoil_spare_lanes(self%n_used, rate, failed)
+    end subroutine evaluate_block
+
+    !> sinh(v/creep) dies out as exp(-deceleration t/creep). Steps are long when the block comes to rest, and substeps on either
+    !> side of that have a mean of no friction.
+    subroutine test_slide(error)
+        type(test_error), intent(inout) :: error
+        type(sliding_block) :: block
+        type(step_control) :: control
+        type(pause_type) :: pause
+        real(wp), parameter :: tolerance(3) = 10.0_wp**[-6, -9, -12]
+        real(wp) :: speed, decay, t_end
+        integer, parameter :: n_block = 20, most_steps = 5000
+        integer :: i, j, k, outcome
+
+        block%n = 2
+        do k = 1, n_block
+            speed = 0.5_wp + modulo(3.7_wp*k, 7.0_wp)
+            block%deceleration = 1 + modulo(2.3_wp*k, 6.0_wp)
+            block%creep = 0.002_wp*2**modulo(k, 6)
+            t_end = 1.3_wp*speed/block%deceleration
+            do j = 1, size(tolerance)
+                call prepare(control, [0.0_wp, speed], tolerance(j))
+                do i = 1, most_steps
+                    call control%take_step(block, t_end, t_end, pause, outcome)
+                    if (outcome /= step_accepted) exit
+                    decay = (speed - block%deceleration*control%t)/block%creep
+                    ! of asinh(exp(decay)/2), as far as numbers reach
+                    if (decay < 30) decay = asinh(exp(decay)/2)
+                    call check(error, abs(control%y(2) - block%creep*decay) < 100*tolerance(j), "the block slows down and rests")
+                    if (control%t >= t_end) exit
+                end do
+                call check(error, control%t >= t_end, "the end is reached")
+            end do
+        end do
+    end subroutine test_slide
 end module test_gbs

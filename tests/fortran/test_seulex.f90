@@ -21,12 +21,21 @@ module test_seulex
         procedure :: evaluate => evaluate_spring
     end type spring_ahead
 
+    !> A mass on a spring, pushed by a force over mass that grows and falls evenly within `width` of an instant: place, speed.
+    type, extends(lane_system) :: pushed_mass
+        real(wp) :: stiffness = 25           !! over mass
+        real(wp) :: push = 50, at = 0, width = 0
+    contains
+        procedure :: evaluate => evaluate_push
+    end type pushed_mass
+
 contains
 
     subroutine collect_seulex(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("kinks anywhere in a step are met", test_kinks)]
+        tests = [new_test("kinks anywhere in a step are met", test_kinks), &
+                 new_test("kinks by the clock are met", test_push)]
     end subroutine collect_seulex
 
     subroutine evaluate_spring(self, t, y, rate, failed)
@@ -77,4 +86,61 @@ contains
             call check(error, abs(control%y(3) - (place + 1/system%haste)) < 20*tolerance, "what follows is where the mass is")
         end do
     end subroutine test_kinks
+
+    subroutine evaluate_push(self, t, y, rate, failed)
+        class(pushed_mass), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes), y(:, :)
+        real(wp), intent(out) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
+
+        failed = t > huge(1.0_wp)
+        rate(:, 1) = y(:, 2)
+        rate(:, 2) = self%push*max(0.0_wp, 1 - abs(t - self%at)/self%width) - self%stiffness*y(:, 1)
+        call spoil_spare_lanes(self%n_used, rate, failed)
+    end subroutine evaluate_push
+
+    !> Steps of a mass at rest are long, and so come upon the push's kinks anywhere.
+    subroutine test_push(error)
+        type(test_error), intent(inout) :: error
+        type(pushed_mass) :: system
+        type(step_control) :: control
+        type(pause_type) :: pause
+        type(seulex_method), allocatable :: method
+        real(wp), parameter :: tolerance(3) = 10.0_wp**[-8, -10, -12], t_end = 3
+        real(wp) :: place
+        integer, parameter :: n_push = 40, most_steps = 1000
+        integer :: i, j, k, outcome
+
+        system%n = 2
+        do k = 1, n_push
+            system%at = 0.7_wp + modulo(0.617_wp*k, 1.1_wp)
+            system%width = 0.3_wp + modulo(0.0931_wp*k, 0.2_wp)
+            ! Three ramps, each answered by the place of a mass that follows it and its swing about that.
+            place = ramp_answer(-system%width) - 2*ramp_answer(0.0_wp) + ramp_answer(system%width)
+            do j = 1, size(tolerance)
+                allocate (method)
+                call method%start(2, tolerance(j))
+                call move_alloc(method, control%method)
+                call control%start(0.0_wp, [0.0_wp, 0.0_wp], 0.01_wp, tolerance(j), tolerance(j))
+                do i = 1, most_steps
+                    call control%take_step(system, t_end, t_end, pause, outcome)
+                    if (outcome /= step_accepted .or. control%t >= t_end) exit
+                end do
+                call check(error, control%t >= t_end, "the end is reached")
+                call check(error, abs(control%y(1) - place) < 100*tolerance(j), "the mass is where the push has brought it")
+            end do
+        end do
+
+    contains
+
+        !> Place at the end, of a push that grows evenly from an instant on, counted from the peak.
+        pure real(wp) function ramp_answer(from)
+            real(wp), intent(in) :: from
+            real(wp) :: since, frequency
+
+            since = t_end - (system%at + from)
+            frequency = sqrt(system%stiffness)
+            ramp_answer = system%push/(system%width*system%stiffness)*(since - sin(frequency*since)/frequency)
+        end function ramp_answer
+    end subroutine test_push
 end module test_seulex

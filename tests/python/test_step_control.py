@@ -5,7 +5,9 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import linkdyn
 from linkdyn import cli
@@ -34,3 +36,44 @@ def test_too_stiff_to_come_to_the_end(method: str) -> None:
     run = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert run.returncode == 3
     assert "spring 'S5' is too stiff" in run.stderr and run.stderr.count("\n") < 4
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-11, 1e-12])
+def test_law_that_begins_with_a_step_is_no_noise(method: str, tolerance: float) -> None:
+    """A brake closes on a turning link, and steps begin at that instant. A copy of one that begins earlier has another law, and
+    differs by as much as the step errs: the mark of rounding, but none. The speed w follows from I w' = -M tanh(w/w0)."""
+    inertia, torque, creep, closes, opens, start = 0.51, 2.0, 0.1, 0.33, 1.17, 3.0
+    brake = {"torque": torque, "from": closes, "until": opens}
+    scene = linkdyn.Scene(
+        {
+            "space": "planar",
+            "frame": {"markers": {"O": [0.0, 0.0]}},
+            "link": [{"name": "m", "mass": 2.0, "inertia": inertia - 0.01, "markers": {"O": [0.0, 0.0]}}],
+            "joint": [{"name": "J", "type": "revolute", "between": ["frame.O", "m.O"]}],
+            "coordinate": [{"joint": "J", "start": {"position": 0.2, "velocity": start}}],
+            "actuator": [
+                {
+                    "joint": "J",
+                    "law": {"type": "constant", "value": 0.0, "at": "motor"},
+                    "drive": {"ratio": 1.0, "rotor_inertia": 0.01, "brake": brake},
+                }
+            ],
+        }
+    )
+
+    def speed(t: float) -> float:
+        return float(creep * np.arcsinh(np.sinh(start / creep) * np.exp(-torque * (t - closes) / (inertia * creep))))
+
+    stops = closes + start * inertia / torque + np.array([-0.1, 0.0])
+    t = np.array([0.0, 0.6, 1.1, 2.0])
+    turned = [
+        0.2
+        + start * min(time, closes)
+        + (quad(speed, closes, min(time, opens), points=stops, epsabs=1e-14, limit=500)[0] if time > closes else 0.0)
+        + speed(opens) * max(time - opens, 0.0)
+        for time in t
+    ]
+    run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance)
+    assert run.attrs["stopped"] == "" and run.attrs["rounding"] == ""
+    assert abs(run.q.values[:, 0] - turned).max() < max(100 * tolerance, 1e-11)
