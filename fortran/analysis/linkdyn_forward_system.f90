@@ -28,7 +28,7 @@ module linkdyn_forward_system
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
-        follow_angles, angles_at
+        follow_angles, looks_for_angles, follow_within, angles_at
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
@@ -102,6 +102,8 @@ module linkdyn_forward_system
         procedure :: make_record
         procedure :: share_record
         procedure :: accept => accept_forward
+        procedure :: looks_wanted => looks_for_turns
+        procedure :: see_within => follow_turns_within
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
@@ -687,6 +689,31 @@ contains
         if (wraps_anywhere(self%angles)) call follow_angles(self%model, self%look, t, is_accepted, self%angles)
         if (wraps_anywhere(self%of_joints)) call follow_angles(self%model, self%look, t, is_accepted, self%of_joints)
     end subroutine follow_turns
+
+    !> Places within the step that tell the turns made on the way, where its ends do not.
+    integer function looks_for_turns(self) result(n)
+        class(forward_system), intent(inout) :: self
+
+        n = max(looks_for_angles(self%angles), looks_for_angles(self%of_joints))
+    end function looks_for_turns
+
+    !> Angles have turned on the way through these places.
+    subroutine follow_turns_within(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(:)
+        real(wp), intent(in) :: y(:, :)
+        integer :: first, lane, place(lanes)
+
+        do first = 1, size(t), lanes
+            place = [(min(first + lane - 1, size(t)), lane=1, lanes)]
+            call self%look_closely(t(place), y(place, :))
+            associate (n => min(lanes, size(t) - first + 1))
+                if (wraps_anywhere(self%angles)) call follow_within(self%model, self%look, t(place), n, first, size(t), self%angles)
+                if (wraps_anywhere(self%of_joints)) &
+                    call follow_within(self%model, self%look, t(place), n, first, size(t), self%of_joints)
+            end associate
+        end do
+    end subroutine follow_turns_within
 
     !> Count the turns of all joint angles from an accepted state on, unless that has begun.
     subroutine count_joint_turns(self, own, t, y)

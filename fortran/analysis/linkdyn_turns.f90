@@ -6,7 +6,7 @@
 !> closer where it cannot.
 module linkdyn_turns
     use linkdyn_constants, only: pi, two_pi
-    use linkdyn_joint_table, only: wraps
+    use linkdyn_joint_table, only: wraps, goes_round
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, is_length, scene_size
@@ -31,7 +31,7 @@ module linkdyn_turns
         real(wp), allocatable :: set_out(:), place(:, :)
     end type turn_count
 
-    !> Joint variables that are angles of whole turns.
+    !> Joint variables that are angles of whole turns, as those are that go round, and coordinates.
     type :: turning_angles
         integer, allocatable :: joint(:)               !! whose they are
         integer, allocatable :: of_joint(:)            !! which of its variables
@@ -46,16 +46,17 @@ contains
     pure subroutine list_turning(model, angles)
         type(model_type), intent(in) :: model
         type(turning_angles), intent(out) :: angles
-        integer :: j, k, v
+        integer :: j, k, v, c
 
         allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0), angles%is_idle(0))
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
-                if (.not. wraps(model%joint(j)%told_kind, v)) cycle
+                c = coordinate_of(model, j, v)
+                if (.not. (goes_round(model%joint(j)%told_kind, v) .or. (c > 0 .and. wraps(model%joint(j)%told_kind, v)))) cycle
                 angles%joint = [angles%joint, j]
                 angles%of_joint = [angles%of_joint, v]
                 angles%variable = [angles%variable, model%joint(j)%first_variable + v]
-                angles%coordinate = [angles%coordinate, coordinate_of(model, j, v)]
+                angles%coordinate = [angles%coordinate, c]
                 angles%is_idle = [angles%is_idle, is_idle(model, j)]
             end do
         end do

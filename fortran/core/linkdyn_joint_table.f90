@@ -12,7 +12,7 @@ module linkdyn_joint_table
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
     public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions
     public :: is_threaded, is_geared
-    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, is_pose_part
+    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, goes_round, is_pose_part
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
     integer, parameter :: joint_prismatic = 2    !! slide along the axis
@@ -112,6 +112,17 @@ contains
 
         wraps = .not. (variable_is_slide(variable, kind) .or. is_threaded(kind))
     end function wraps
+
+    !> Does the joint variable go round, so that it may come to whole turns? Of three angles the middle one stays within a right
+    !> angle to either side.
+    elemental logical function goes_round(kind, variable)
+        integer, intent(in) :: kind, variable
+        integer, parameter :: middle = 2
+        logical :: has_three
+
+        has_three = kind == joint_spherical .or. kind == pose_attitude
+        goes_round = wraps(kind, variable) .and. .not. (has_three .and. variable == middle)
+    end function goes_round
 
     !> In how many directions the second marker moves away from the first.
     elemental integer function n_slide(kind)

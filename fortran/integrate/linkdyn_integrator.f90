@@ -656,12 +656,35 @@ contains
             if (allocated(system%turns)) turns = system%turns
             call go_on(self, system, self%control%y, self%t - t_before, y)
             if (allocated(system%turns)) call self%taken%lose_turns(system%turns(1, :) - turns(1, :))
+            call show_within(self, system)
             if (system%n_guard > 0 .and. .not. self%is_at_crossing) &
                 call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
             if ((system%wants_rest .and. self%t < t_end) .or. all(self%failed)) exit
         end do
         call count_work(self)
     end subroutine advance_controlled
+
+    !> Show the system the solution within the step, at as many places as it wants. The steps do not feel it.
+    subroutine show_within(self, system)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), allocatable :: t(:), y(:, :)                  ! (place), (place, n)
+        real(wp) :: solution(lanes, system%n)
+        integer :: n, i
+
+        do
+            n = system%looks_wanted()
+            if (n == 0 .or. is_interrupted()) return
+            t = self%taken%t(1) + ([(i, i=1, n)]/(n + 1.0_wp))*self%taken%length(1)
+            allocate (y(n, system%n))
+            do i = 1, n
+                call self%taken%look_within(system, t(i), solution)
+                y(i, :) = solution(1, :)
+            end do
+            call system%see_within(t, y)
+            deallocate (y)
+        end do
+    end subroutine show_within
 
     !> Where a step ends at the latest, so that what guards do between its places is seen.
     pure real(wp) function end_of_looking(self, system, t_last) result(t_next)

@@ -43,6 +43,7 @@ module linkdyn_lane_system
         procedure :: leads_too_far
         procedure :: part_in_sight
         procedure :: accept
+        procedure :: looks_wanted, see_within
         procedure :: note_turns
         procedure, non_overridable :: watch_jumps, note_mode
     end type lane_system
@@ -149,6 +150,22 @@ contains
         real(wp), intent(in) :: y(:, :)                   !! (lane, n)
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
+
+    !> At how many places within the step to the accepted y, at equal distances, the system wants to see the solution: for systems
+    !> that follow something on its way; 0: none. Once it has seen them it may want more. Integrators that can look within a step
+    !> ask.
+    integer function looks_wanted(self) result(n)
+        class(lane_system), intent(inout) :: self
+
+        n = 0
+    end function looks_wanted
+
+    !> The solution at the places that were wanted. Nothing of the steps may hang on it.
+    subroutine see_within(self, t, y)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t(:)                      !! increasing (place)
+        real(wp), intent(in) :: y(:, :)                   !! not a number where it cannot be had (place, n)
+    end subroutine see_within
 
     !> Look out for jumps of f from a state on: what was evaluated elsewhere counts no more.
     subroutine watch_jumps(self, mode, rate)
