@@ -52,7 +52,7 @@ contains
         real(wp), intent(in) :: start_rate(:), end_rate(:)
         real(wp), intent(out) :: error(:)
         real(wp), dimension(size(error)) :: left, taken_off
-        real(wp), parameter :: behind = 100, shrinking = 0.3_wp
+        real(wp), parameter :: behind = 100, shrinking = 0.2_wp
 
         call self%find_limit(self%swing, left, taken_off)
         error = merge(abs(left)/behind, 0.0_wp, abs(left) > shrinking*abs(taken_off))
