@@ -22,6 +22,7 @@ module linkdyn_followed_angles
     !> Places of the last step through which the angles were followed, on lane 1: its beginning, some within, its end.
     type :: way_type
         integer :: n = 0
+        integer :: n_asked = 0                                 !! places within that were asked for; some may not be had
         real(wp), allocatable :: t(:)                          !! (place) [s]
         real(wp), allocatable :: angle(:, :), spin(:, :)       !! (number, place) [rad], [rad/s]
         real(wp), allocatable :: pace(:)                       !! of the joint angle that turns fastest (place) [rad/s]
@@ -162,9 +163,9 @@ contains
         n = 0
         if (.not. wraps_anywhere(angles) .or. angles%way%n < 2) return
         associate (way => angles%way)
-            if (way%n - 2 >= most .or. is_followed(angles)) return
+            if (way%n_asked >= most .or. is_followed(angles)) return
             n_quarter = maxval(way%pace(:way%n))*(way%t(way%n) - way%t(1))/(pi/2)
-            n = min(most, max(2*(way%n - 2) + 1, ceiling(min(spare*n_quarter, real(most, wp)))))
+            n = min(most, max(2*way%n_asked + 1, ceiling(min(spare*n_quarter, real(most, wp)))))
         end associate
     end function looks_for_angles
 
@@ -220,6 +221,7 @@ contains
         associate (known => angles%way)
             call add_place(known%t(1), known%angle(:, 1), known%spin(:, 1), known%pace(1), way)
             way%pace(n_place + 3) = known%pace(known%n)
+            way%n_asked = n_place
         end associate
         angles%way = way
     end subroutine begin_anew

@@ -42,7 +42,7 @@ module linkdyn_forward_record
         type(recorded_rates), pointer :: recorded => null()
         logical, private :: owns_it = .false.          !! else several runs share it
         type(rate_samples) :: samples
-        type(stage_places), private :: stage           !! of groups
+        type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
         integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
                                                        !! 0: none (n_actuator)

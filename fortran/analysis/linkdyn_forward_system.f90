@@ -42,9 +42,10 @@ module linkdyn_forward_system
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
-        find_motion_forces, free_motion_forces
+        forget_forces, find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
+    use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
@@ -102,6 +103,7 @@ module linkdyn_forward_system
         procedure :: make_record
         procedure :: share_record
         procedure :: accept => accept_forward
+        procedure :: begin_trial => begin_chain_of_stages
         procedure :: looks_wanted => looks_for_turns
         procedure :: see_within => follow_turns_within
         procedure :: note_turns => note_turns_forward
@@ -672,6 +674,14 @@ contains
         if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) call follow_turns(self, t, y, is_accepted)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
+
+    !> Groups are led from stage to stage of a step; those of a new one set out from the accepted state, so do forces of the motion.
+    subroutine begin_chain_of_stages(self)
+        class(forward_system), intent(inout) :: self
+
+        call forget_stages(self%record%stage)
+        call forget_forces(self%of_motion)
+    end subroutine begin_chain_of_stages
 
     !> Angles have turned on the way to an accepted state.
     subroutine follow_turns(self, t, y, is_accepted)

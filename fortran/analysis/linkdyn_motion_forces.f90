@@ -17,11 +17,12 @@ module linkdyn_motion_forces
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
     use linkdyn_recorded_rates, only: run_rates
+    use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
     private
-    public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, find_motion_forces, &
-        record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
+    public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, forget_forces, &
+        find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
 
     integer, parameter :: n_check = 4                  !! steps at whose ends the record is compared with the lanes
 
@@ -89,6 +90,14 @@ contains
         end if
         if (forces%has_record .and. forces%n_checked < n_check) call check_record(t, forces)
     end subroutine accept_motion
+
+    !> What was found before has no part in what is found next.
+    subroutine forget_forces(forces)
+        type(motion_forces), intent(inout) :: forces
+
+        forces%t = -huge(1.0_wp)
+        call forget_stages(forces%record%stage)
+    end subroutine forget_forces
 
     !> Forces at the instants of the lanes, the first n of which are used.
     subroutine find_motion_forces(t, n, forces)

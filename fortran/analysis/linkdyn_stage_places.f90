@@ -3,7 +3,8 @@
 !> The tangents at the accepted state predict a stage to the square of its distance. In the long steps of extrapolation and of
 !> stiff methods that is too far for Newton's iteration to be believed, while the stage before on the same lane is a substep
 !> away. Whichever promises the smaller error of the two is led on. Each step of such a chain is judged as one from the accepted
-!> state is; the chain ends where that state changes.
+!> state is; the chain ends where that state changes, and a new one begins with each step that is tried, whatever was looked
+!> at before.
 module linkdyn_stage_places
     use linkdyn_carried_assembly, only: carried_assembly
     use linkdyn_group_stride, only: predicted
@@ -12,7 +13,7 @@ module linkdyn_stage_places
     use linkdyn_model, only: model_type, place_size
     implicit none (type, external)
     private
-    public :: stage_places, prepare_stage_places, predict_stage, keep_stage
+    public :: stage_places, prepare_stage_places, forget_stages, predict_stage, keep_stage
 
     type :: stage_places
         private
@@ -31,6 +32,13 @@ contains
         allocate (stage%q(model%n_q, lanes), stage%place(place_size(model), model%n_link, lanes), source=0.0_wp)
         stage%from = stage%place
     end subroutine prepare_stage_places
+
+    !> The next stages are the first ones.
+    pure subroutine forget_stages(stage)
+        type(stage_places), intent(inout) :: stage
+
+        stage%is_there = .false.
+    end subroutine forget_stages
 
     !> Where the way to a stage begins, at the accepted state or at the stage before, and where the tangents lead from there.
     pure subroutine predict_stage(model, assembly, stage, lane, q, from, stand, ahead)

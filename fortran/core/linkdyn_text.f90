@@ -44,13 +44,30 @@ contains
         text = trim(adjustl(buffer))
     end function real_to_text
 
-    !> The name in single quotes, trimmed.
+    !> The name in single quotes, trimmed; of one longer than any name or usual path its beginning.
     pure function quoted(name) result(text)
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: text
+        integer, parameter :: longest = 200, shortened = 60
+        integer :: n
 
-        text = "'"//trim(name)//"'"
+        if (len_trim(name) <= longest) then
+            text = "'"//trim(name)//"'"
+            return
+        end if
+        n = shortened
+        do while (n > 1 .and. is_inside_letter(name(n + 1:n + 1)))
+            n = n - 1
+        end do
+        text = "'"//name(:n)//"...'"
     end function quoted
+
+    !> Does a byte go on with a letter of UTF-8 that others have begun?
+    pure logical function is_inside_letter(byte)
+        character, intent(in) :: byte
+
+        is_inside_letter = iand(ichar(byte), 192) == 128
+    end function is_inside_letter
 
     !> Quoted names in a row: 'a', 'b', 'c'.
     pure function join(names) result(text)

@@ -669,7 +669,6 @@ contains
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), allocatable :: t(:), y(:, :)                  ! (place), (place, n)
-        real(wp) :: solution(lanes, system%n)
         integer :: n, i
 
         do
@@ -677,10 +676,7 @@ contains
             if (n == 0 .or. is_interrupted()) return
             t = self%taken%t(1) + ([(i, i=1, n)]/(n + 1.0_wp))*self%taken%length(1)
             allocate (y(n, system%n))
-            do i = 1, n
-                call self%taken%look_within(system, t(i), solution)
-                y(i, :) = solution(1, :)
-            end do
+            call self%taken%look_along(system, t, y)
             call system%see_within(t, y)
             deallocate (y)
         end do

@@ -43,6 +43,7 @@ module linkdyn_lane_system
         procedure :: leads_too_far
         procedure :: part_in_sight
         procedure :: accept
+        procedure :: begin_trial
         procedure :: looks_wanted, see_within
         procedure :: note_turns
         procedure, non_overridable :: watch_jumps, note_mode
@@ -150,6 +151,11 @@ contains
         real(wp), intent(in) :: y(:, :)                   !! (lane, n)
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
+
+    !> A step is tried, or looked into: what was evaluated before, by whomever, has no part in it.
+    subroutine begin_trial(self)
+        class(lane_system), intent(inout) :: self
+    end subroutine begin_trial
 
     !> At how many places within the step to the accepted y, at equal distances, the system wants to see the solution: for systems
     !> that follow something on its way; 0: none. Once it has seen them it may want more. Integrators that can look within a step

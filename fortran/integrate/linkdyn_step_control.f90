@@ -118,7 +118,7 @@ module linkdyn_step_control
         integer :: n_evaluation = 0                    !! in looking within, so far (blocks)
     contains
         procedure :: retake => retake_controlled
-        procedure :: look_within, lose_turns
+        procedure :: look_within, look_along, lose_turns
     end type controlled_step
 
 contains
@@ -228,6 +228,7 @@ contains
         logical :: has_failed
 
         if (self%knows_rate) return
+        call system%begin_trial()
         call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
         self%n_evaluation = self%n_evaluation + 1
         self%knows_rate = .not. has_failed
@@ -259,6 +260,7 @@ contains
         trial%step = t_next - self%t
         call take_room(trial, size(self%y))
         call system%watch_jumps(self%mode, self%rate)
+        call system%begin_trial()
         call self%method%try_step(system, self%t, trial%step, self%y, self%rate, trial%way, trial%error, trial%has_failed, &
                                   .false.)
         trial%has_failed = trial%has_failed .or. .not. all(abs(trial%way) <= huge(1.0_wp))
@@ -668,12 +670,7 @@ contains
             y = self%y_end
             return
         end if
-        if (.not. (self%curve%is_there .or. self%curve%is_refused)) then
-            call self%curve%lay(system, self%t(1), self%length(1), self%y(1, :), &
-                                (self%y_end(1, :) - self%y(1, :)) + (self%rest_end - self%rest), self%rate(1, :), &
-                                self%rate_end(1, :), self%allowed)
-            self%n_evaluation = self%n_evaluation + self%curve%n_evaluation
-        end if
+        call lay_curve(self, system)
         if (self%curve%is_there) then
             solution = moved(self%y(1, :), self%rest, self%curve%way_at(share))
         else
@@ -681,6 +678,51 @@ contains
         end if
         y = spread(solution, 1, lanes)
     end subroutine look_within
+
+    !> About the same at many places, for whoever follows the way: on the curve, or by steps of their own, each from the place
+    !> before; where these cannot be taken on the cubic that meets solution and rates at both ends.
+    subroutine look_along(self, system, t, solution)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t(:)                   !! within the step, increasing (place)
+        real(wp), intent(out) :: solution(:, :)        !! (place, n)
+        real(wp) :: share
+        integer :: i
+
+        call lay_curve(self, system)
+        if (.not. self%curve%is_there) call walk_within(self, system, t, solution)
+        do i = 1, size(t)
+            share = (t(i) - self%t(1))/self%length(1)
+            if (self%curve%is_there) then
+                solution(i, :) = moved(self%y(1, :), self%rest, self%curve%way_at(share))
+            else if (.not. all(abs(solution(i, :)) <= huge(1.0_wp))) then
+                solution(i, :) = on_cubic(self, share)
+            end if
+        end do
+    end subroutine look_along
+
+    !> The cubic that meets solution and rates at both ends.
+    pure function on_cubic(self, share) result(y)
+        class(controlled_step), intent(in) :: self
+        real(wp), intent(in) :: share                  !! of the step
+        real(wp) :: y(size(self%y, 2))
+
+        y = self%y(1, :) + (3 - 2*share)*share**2*(self%y_end(1, :) - self%y(1, :)) &
+            + self%length(1)*share*(1 - share)*((1 - share)*self%rate(1, :) - share*self%rate_end(1, :))
+    end function on_cubic
+
+    !> The curve of the step, unless that has been tried.
+    subroutine lay_curve(self, system)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+
+        if (self%curve%is_there .or. self%curve%is_refused) return
+        call system%begin_trial()
+        call self%curve%lay(system, self%t(1), self%length(1), self%y(1, :), &
+                            (self%y_end(1, :) - self%y(1, :)) + (self%rest_end - self%rest), self%rate(1, :), &
+                            self%rate_end(1, :), self%allowed)
+        self%n_evaluation = self%n_evaluation + self%curve%n_evaluation
+    end subroutine lay_curve
 
     !> The same by one step, ahead from the beginning or back from the end, or by several; at last by the better one of the first
     !> two, if it leaves the digits that a result must have.
@@ -750,23 +792,39 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t
         real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
-        integer, parameter :: most_steps = 1000
+        real(wp) :: places(1, size(solution))
+
+        call walk_within(self, system, [t], places)
+        solution = places(1, :)
+    end subroutine go_within
+
+    !> The same at several places, one after the other.
+    subroutine walk_within(self, system, t, solution)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t(:)                   !! increasing (place)
+        real(wp), intent(out) :: solution(:, :)        !! not a number where it cannot be had (place, n)
+        integer, parameter :: most_steps = 1000        !! beside those to the places
         type(step_control) :: control
         type(pause_type) :: never
-        integer :: i, outcome
+        integer :: place, n_step, outcome
 
+        solution = ieee_value(1.0_wp, ieee_quiet_nan)
         allocate (control%method, source=self%method)
-        call control%start(self%t(1), self%y(1, :), t - self%t(1), self%rtol, self%atol)
+        call control%start(self%t(1), self%y(1, :), t(1) - self%t(1), self%rtol, self%atol)
         control%rest = self%rest
-        do i = 1, most_steps
-            call control%take_step(system, t, t, never, outcome)
-            if (outcome /= step_accepted .or. control%t >= t) exit
+        place = 1
+        do n_step = 1, most_steps + size(t)
+            call control%take_step(system, t(place), t(place), never, outcome)
+            if (outcome /= step_accepted) exit
+            if (control%t < t(place)) cycle
+            solution(place, :) = control%y
+            place = place + 1
+            if (place > size(t)) exit
         end do
         self%method%n_evaluation = control%method%n_evaluation
         self%n_evaluation = self%n_evaluation + control%n_evaluation
-        solution = control%y
-        if (control%t < t) solution = ieee_value(1.0_wp, ieee_quiet_nan)
-    end subroutine go_within
+    end subroutine walk_within
 
     !> Turns have been taken out of the accepted solution: out of the step before it, too.
     subroutine lose_turns(self, turns)

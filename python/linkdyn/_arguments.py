@@ -36,6 +36,11 @@ def quoted(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
+def quoted_name(name: str) -> str:
+    """A name or path as a message shows it: of one longer than any is, its beginning."""
+    return repr(name if len(name) <= LONGEST_NAME else f"{name[:LONGEST]}...")
+
+
 def dimensions(name: str, values: ArrayLike, says: str) -> int:
     """Number of dimensions of what should be an array of a shape."""
     try:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from ._arguments import quoted_name
 from .errors import InputError
 
 __all__ = ["changed"]
@@ -46,7 +47,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
     """Go one step down the path, or put the value."""
     key, dot, below = rest.partition(".")
     if not isinstance(table, dict):
-        raise InputError(f"with_: {path!r} leads nowhere: there is no table above {key!r}")
+        raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no table above {quoted_name(key)}")
     if (place := INDEXED.fullmatch(key)) and key not in table:
         indices = [int(index) for index in re.findall(r"\d+", place[2])]
         if not dot:
@@ -66,7 +67,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
         table[key] = [value]
     elif inner is None:
         known = ", ".join(repr(name) for name in table)
-        raise InputError(f"with_: {path!r} leads nowhere: there is no {key!r} (expected one of {known})")
+        raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no {quoted_name(key)} (expected one of {known})")
     else:
         _put(inner, below, path, value)
 
@@ -74,7 +75,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
 def _put_at(table: dict[str, Any], key: str, indices: list[int], path: str, value: Any) -> None:
     """Put an element of a list, or of a list in it."""
     if value is None:
-        raise InputError(f"with_: {path!r} leads nowhere: an element of a list can only be given another value")
+        raise InputError(f"with_: {quoted_name(path)} leads nowhere: an element of a list can only be given another value")
     holder, last = _holder(table, key, indices, path)
     holder[last] = value
 
@@ -85,7 +86,7 @@ def _holder(table: dict[str, Any], key: str, indices: list[int], path: str) -> t
     for depth, index in enumerate(indices, start=1):
         if not isinstance(holder, list) or index >= len(holder):
             has = f"{len(holder)} elements" if isinstance(holder, list) else "no list"
-            raise InputError(f"with_: {path!r} leads nowhere: {key!r} has {has} (the first is [0])")
+            raise InputError(f"with_: {quoted_name(path)} leads nowhere: {quoted_name(key)} has {has} (the first is [0])")
         if depth < len(indices):
             holder = holder[index]
     return holder, indices[-1]
@@ -109,9 +110,9 @@ def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, va
         return
     labels = [_label(key, item) for item in items]
     if rest in labels:
-        raise InputError(f"with_: {path!r} is a whole {key} (expected a table or None for it, or the path of one of its values)")
+        raise InputError(f"with_: {quoted_name(path)} is a whole {key} (expected a table or None for it, or the path of one of its values)")
     known = ", ".join(map(repr, labels))
-    raise InputError(f"with_: {path!r} leads nowhere: there is no {key} {rest.split('.')[0]!r} (expected one of {known})")
+    raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no {key} {quoted_name(rest.split('.')[0])} (expected one of {known})")
 
 
 def _label(key: str, item: Mapping[str, Any]) -> str:

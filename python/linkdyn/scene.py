@@ -1024,7 +1024,9 @@ class Scene:
 
     def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
         instants = self._instants(t)
-        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
+        if len(instants) == 0:
+            raise InputError("t: no instants were given (expected one at least)")
+        if np.any(np.diff(instants) <= 0):
             raise InputError("t: expected increasing instants")
         return instants
 

@@ -47,6 +47,9 @@ contains
         type(test_error), intent(inout) :: error
 
         call check(error, quoted("rocker  ") == "'rocker'", "trailing blanks go")
+        call check(error, quoted(repeat("x", 200)) == "'"//repeat("x", 200)//"'", "a long path is whole")
+        call check(error, quoted(repeat("x", 201)) == "'"//repeat("x", 60)//"...'", "of what is longer the beginning")
+        call check(error, quoted("x"//repeat("ü", 200)) == "'x"//repeat("ü", 29)//"...'", "letters stay whole")
         call check(error, join([character(len=3) :: "a", "bcd"]) == "'a', 'bcd'", "names in a row")
         call check(error, len(join([character(len=3) ::])) == 0, "no names, no text")
     end subroutine test_names

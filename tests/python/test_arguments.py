@@ -224,3 +224,21 @@ def test_results_of_parts_that_are_not_there(word: str, reason: str) -> None:
         with pytest.raises(linkdyn.LinkdynError, match=f"'{word}': {reason}"):
             compute(want=f"reaction, {word}")
         assert not [name for name in compute(want="all") if name.startswith(word)]
+
+
+def test_no_instants() -> None:
+    with pytest.raises(linkdyn.InputError, match="t: no instants were given"):
+        linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml").forward(t=[])
+
+
+@pytest.mark.parametrize("change", [
+    {"coordinate.{}.start": 1.0}, {"{}": 1}, {"link.crank.{}": 1}, {"link.crank.mass": "{}"}, {"link.crank.mass": "3 {}"}, {"link.crank.mass[{}]": 1},
+])  # fmt: skip
+def test_a_long_name_is_not_echoed_in_full(change: dict[str, Any]) -> None:
+    scene = linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml")
+    long = "name" * 200
+    ((path, value),) = change.items()
+    with pytest.raises(linkdyn.LinkdynError) as refused:
+        scene.with_({path.format(long): value.format(long) if isinstance(value, str) else value})
+    assert "namename" in str(refused.value)
+    assert "name" * 51 not in str(refused.value)

@@ -227,6 +227,33 @@ def test_directions_and_simultaneous_events():
     np.testing.assert_allclose(times(run, "both"), quarter * np.arange(1, 2 * len(times(run, "both")), 2), rtol=1e-9)
 
 
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_direction_is_the_one_asked_for(method, tolerance):
+    """A free flywheel: crossings the other way are passed over and not found once more, nor at the instant of another event."""
+    wheel = linkdyn.Scene({
+        "space": "planar",
+        "frame": {"markers": {"O": [0, 0]}},
+        "link": [{"name": "wheel", "mass": 2, "inertia": 0.5, "markers": {"O": [0, 0]}}],
+        "joint": [{"name": "J", "type": "revolute", "between": ["frame.O", "wheel.O"]}],
+        "coordinate": [{"joint": "J", "start": {"position": 0, "velocity": 30}}],
+        "measures": {"phi": {"joint": "J"}},
+        "event": [
+            {"name": "up", "when": "sin(phi) - 0.2", "direction": "up"},
+            {"name": "down", "when": "sin(phi) - 0.2", "direction": "down"},
+            {"name": "both", "when": "sin(phi) - 0.2"},
+            {"name": "other", "when": "phi - 20 rad"},
+        ],
+        "time": {"end": 2, "samples": 11},
+    })
+    run = run_or_skip(wheel, method, rtol=tolerance, atol=tolerance)
+    up, down = ((first + 2 * np.pi * np.arange(10)) / 30 for first in (math.asin(0.2), math.pi - math.asin(0.2)))
+    for name, exact in (("up", up), ("down", down), ("both", np.sort(np.concatenate([up, down]))), ("other", [20 / 30])):
+        np.testing.assert_allclose(times(run, name), exact, rtol=0, atol=1e-6, err_msg=name)
+    for name, sense in (("up", 1), ("down", -1)):
+        assert set(run.event_direction.values[run.event.values == name]) == {sense}
+
+
 def test_a_soft_stop_in_closed_form():
     # It flies onto a spring with a damper at x = 0.3: x'' + 2 d x' + w0^2 x = 0 until the force is none, and flies back.
     mass, k, c, v = 2.0, 800.0, 12.0, 1.5

@@ -12,8 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 METHODS = ["rk8pd", "rkf45", "gbs", "seulex"]
 ENDS = {"fourbar_start": 1.0, "andrews": 0.03, "stewart_forward": 0.3, "spatial_slider_crank": 0.5, "cart_pole": 1.0,
-        "stopped_rocker": 0.6, "fourbar_constant_torque": 0.5, "rcsp_start": 0.4, "flyball_governor": 0.2}  # fmt: skip
-"""Closed forms, groups closed by iteration, chains, controllers, end stops, exchange of coordinates, stiff [s]."""
+        "stopped_rocker": 0.6, "fourbar_constant_torque": 0.5, "rcsp_start": 0.4, "flyball_governor": 0.2, "agile_eye": 1.0, "screw_lift": 1.0}  # fmt: skip
+"""Closed forms, forces that the scene's motion asks for, groups closed by iteration, chains, controllers, end stops, exchange of coordinates, stiff [s]."""
 EVERY = (200, 10, 1)
 """Of 401 instants."""
 

@@ -83,6 +83,57 @@ def test_instants_far_apart(method: str) -> None:
     np.testing.assert_allclose(angles(coarse), angles(fine)[[0, 300, 1200]], rtol=0, atol=1e-6)
 
 
+LIFT = linkdyn.load(EXAMPLES / "screw_lift" / "scene.toml")
+"""A screw of 55 turns with a ball at its end: steps hold a turn each."""
+
+
+@pytest.fixture(scope="module")
+def lifted() -> Any:
+    return LIFT.inverse(t=np.linspace(0.0, 4.0, 4001), want="joint_variable")
+
+
+@pytest.mark.parametrize("samples", [2, 17, 201, 4001])
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
+def test_steps_of_a_turn(lifted: Any, method: str, samples: int) -> None:
+    """Angles are followed within steps, too: of a ball on a screw 7 to 44 rad were lost in pitch alone, which never goes round."""
+    run = LIFT.forward(t=np.linspace(0.0, 4.0, samples), method=method)
+    np.testing.assert_allclose(angles(run), angles(lifted)[:: 4000 // (samples - 1)], rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_steps_of_many_turns(method: str) -> None:
+    """A crank that turns evenly, on loose tolerances, with a wheel twelve times as fast on it: what turns the fastest says how closely to look."""
+    mechanism = geared(12)
+    for link in mechanism["link"][1:]:
+        link["mass"], link["inertia"] = 1e-6, 1e-8
+    mechanism["link"][0]["inertia"] = 10.0
+    mechanism["gravity"] = [0, 0]
+    run = linkdyn.Scene(mechanism).forward(t=[0.0, 8.0], method=method, rtol=1e-5, atol=1e-5)
+    turned = run.q.values[-1, 0] - run.q.values[0, 0]
+    assert run.attrs["steps"] < turned / (2 * np.pi) * 12 / 4, "steps hold turns of the wheel"
+    start, end = angles(run)
+    way = dict(zip(run.variable.values.tolist(), end - start, strict=True))
+    assert way["W.angle"] == pytest.approx(-12 * turned, abs=1e-6)
+    assert way["B.angle"] == pytest.approx(-turned, abs=np.pi), "the rod falls back by a turn in each of the crank's"
+    assert max(abs(way["C.angle"]), abs(way["D.angle"])) < np.pi, "rods and rocker swing"
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_looking_within_changes_no_step(method: str) -> None:
+    """Whether joint angles are wanted or not, the run is the same to the last bit."""
+    t = np.linspace(0.0, 4.0, 5)
+    with_angles, without = (LIFT.forward(t=t, method=method, want=want) for want in ("joint_variable", "driving_force"))
+    assert with_angles.attrs["steps"] == without.attrs["steps"]
+    np.testing.assert_array_equal(with_angles.q.values, without.q.values)
+    np.testing.assert_array_equal(with_angles.qd.values, without.qd.values)
+
+
+def test_pitch_has_no_turns() -> None:
+    """In inverse dynamics with samples far apart neither."""
+    run = LIFT.inverse(t=np.linspace(0.0, 4.0, 9), want="joint_variable")
+    assert np.abs(run.joint_variable.sel(variable="B.pitch").values).max() < np.pi / 2
+
+
 def test_a_coordinate_has_its_turns() -> None:
     """Where all joint angles are coordinates nothing is followed; they are what they are."""
     pendulum: dict[str, Any] = {
