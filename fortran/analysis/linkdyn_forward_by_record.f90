@@ -1,6 +1,7 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_carried_assembly, only: branches_tried
     use linkdyn_constants, only: golden
     use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
@@ -49,11 +50,7 @@ contains
         n = self%n_used
         has_motor_laws = motors_have_laws(self%model)
         call self%find_given_forces(t, inverse_force, given_status)
-        if (self%assembly%is_needed) then
-            branch = self%assembly%branch
-        else
-            branch = spread(self%model%branch(:self%model%n_branch), 1, lanes)
-        end if
+        branch = branches_tried(self%model, self%assembly)
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)

@@ -1,12 +1,12 @@
 !> Laws along the way of a step that is to be accepted: what its stages may have leapt over.
 submodule (linkdyn_forward_system) linkdyn_forward_laws
+    use linkdyn_carried_assembly, only: branches_tried
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
-    use linkdyn_law_sight, only: plan_law_sight, find_part_in_sight, find_part_of_splines, well_within
+    use linkdyn_law_sight, only: find_part_in_sight, find_part_of_splines, well_within
     use linkdyn_laws, only: evaluate_law
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: is_length
-    use linkdyn_time_laws, only: laws_over_time
     implicit none (type, external)
 
     !> Coordinates that turn farther between two places are not followed by them.
@@ -20,8 +20,6 @@ contains
 
         part = 1
         if (.not. self%may_leap) return
-        if (.not. self%sight%is_planned) &
-            call plan_law_sight(self%model%scene%laws, laws_over_time(self%model), self%span, self%sight)
         call find_part_of_splines(t, length, gap, self%sight, part)
         if (part < 1 .or. .not. self%sight%has_laws) return
         if (self%sight%sees_places) then
@@ -37,7 +35,7 @@ contains
             way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
         end do
         call measure_states(self, instant, way, measure)
-        call find_part_in_sight(self%model%scene%laws, measure, gap, self%sight, part)
+        call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%sight, part)
     end procedure part_in_sight
 
     !> The angle by which a step turns a coordinate farthest, integrated or driven.
@@ -96,8 +94,7 @@ contains
         real(wp) :: branch(lanes, self%model%n_branch), no_force(lanes, self%model%n_actuator)
 
         no_force = 0
-        branch = spread(self%model%branch(:self%model%n_branch), 1, lanes)
-        if (self%assembly%is_needed) branch = self%assembly%branch
+        branch = branches_tried(self%model, self%assembly)
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, lanes, t, y, self%turns, branch, self%by_inverse, no_force, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, lanes, self%touches(), self%record)

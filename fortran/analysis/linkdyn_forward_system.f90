@@ -37,7 +37,7 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_law_sight, only: law_sight, is_spline
+    use linkdyn_law_sight, only: law_sight, plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
@@ -207,6 +207,13 @@ module linkdyn_forward_system
             real(wp), intent(in) :: t                      !! [s]
         end function leads_too_far
 
+        !> The coordinate that cannot be exchanged and has come to its dead point in an accepted state; 0: none.
+        integer module function stalled_coordinate(self, t, y) result(stalled)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+            real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        end function stalled_coordinate
+
         ! ---- linkdyn_forward_laws
         !> How much of a step is to be gone at once: no law may have a peak within it that is narrower than the gaps between
         !> stages, nor an angle that laws depend on turn farther than they are looked at by.
@@ -217,13 +224,6 @@ module linkdyn_forward_system
             real(wp), intent(in), dimension(:) :: y, rate, y_end, rate_end    !! at its ends (n)
             real(wp) :: part
         end function part_in_sight
-
-        !> The coordinate that cannot be exchanged and has come to its dead point in an accepted state; 0: none.
-        integer module function stalled_coordinate(self, t, y) result(stalled)
-            class(forward_system), intent(inout) :: self
-            real(wp), intent(in) :: t                      !! [s]
-            real(wp), intent(in) :: y(:, :)                !! (lane, n)
-        end function stalled_coordinate
 
         ! ---- linkdyn_forward_contacts
         module subroutine accelerate(self, push, away)
@@ -353,7 +353,8 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
-        system%may_leap = system%may_jump .or. any(is_spline(laws_over_time(model)))
+        call plan_law_sight(model%scene%laws, laws_over_time(model), system%sight)
+        system%may_leap = has_to_look(system%sight)
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)

@@ -17,7 +17,7 @@ module linkdyn_law_sight
     use linkdyn_scene, only: law_book, law_spec, state_law, law_table, measure_time, measure_joint
     implicit none (type, external)
     private
-    public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, is_spline, well_within
+    public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, has_to_look, well_within
 
     !> Of a law's range over the step. What the cubic between its ends errs by is a hump over all of the step, 0.3 of it too narrow.
     real(wp), parameter :: much = 0.4_wp
@@ -29,10 +29,10 @@ module linkdyn_law_sight
 
     !> What each law must be looked at by.
     type :: law_sight
-        logical :: is_planned = .false.
         logical :: has_laws = .false.                  !! over the state
         logical :: sees_places = .false.               !! one of them depends on where the mechanism is
         real(wp), allocatable :: piece(:)              !! of a measure, that formulas take; huge: any (measure)
+        logical, allocatable :: is_instant(:)          !! a measure is time, and formulas take it (measure)
         real(wp), allocatable :: rows(:)               !! half the width of the narrowest peak that a table can have (law)
         real(wp), allocatable :: largest(:)            !! size of a value so far (law)
         type(law_spec), allocatable :: spline(:)       !! tables over time whose rows do not end steps
@@ -40,17 +40,16 @@ module linkdyn_law_sight
 
 contains
 
-    subroutine plan_law_sight(book, over_time, span, sight)
+    subroutine plan_law_sight(book, over_time, sight)
         type(law_book), intent(in) :: book
         type(law_spec), intent(in) :: over_time(:)     !! laws of the scene
-        real(wp), intent(in) :: span                   !! of the run; 0: not known [s]
         type(law_sight), intent(out) :: sight
         integer :: k
 
-        sight%is_planned = .true.
         sight%spline = pack(over_time, is_spline(over_time))
         sight%has_laws = size(book%law) > 0
         allocate (sight%piece(size(book%measure)), sight%rows(size(book%law)), source=huge(1.0_wp))
+        allocate (sight%is_instant(size(book%measure)), source=.false.)
         allocate (sight%largest(size(book%law)), source=0.0_wp)
         do k = 1, size(book%law)
             if (book%law(k)%over /= 0) then
@@ -78,15 +77,22 @@ contains
             integer, intent(in) :: measure
             logical, intent(in) :: by_formula
 
-            associate (spec => book%measure(measure), piece => sight%piece(measure))
+            associate (spec => book%measure(measure))
                 sight%sees_places = sight%sees_places .or. .not. (spec%kind == measure_time &
                                                                   .or. (spec%kind == measure_joint .and. spec%is_rate))
                 if (.not. by_formula .or. spec%is_rate) return
-                if (spec%kind == measure_time .and. span > 0) piece = span/pieces_a_run
-                if (spec%kind == measure_joint .and. spec%length_power == 0) piece = two_pi/pieces_a_turn
+                sight%is_instant(measure) = spec%kind == measure_time
+                if (spec%kind == measure_joint .and. spec%length_power == 0) sight%piece(measure) = two_pi/pieces_a_turn
             end associate
         end subroutine note
     end subroutine plan_law_sight
+
+    !> Is there anything within steps to be looked at?
+    pure logical function has_to_look(sight)
+        type(law_sight), intent(in) :: sight
+
+        has_to_look = sight%has_laws .or. size(sight%spline) > 0
+    end function has_to_look
 
     pure elemental logical function is_spline(law)
         type(law_spec), intent(in) :: law
@@ -103,8 +109,9 @@ contains
     end function narrowest
 
     !> How much of a step may be gone at once; 1: all of it.
-    pure subroutine find_part_in_sight(book, measure, gap, sight, part)
+    pure subroutine find_part_in_sight(book, span, measure, gap, sight, part)
         type(law_book), intent(in) :: book
+        real(wp), intent(in) :: span                   !! of the run; 0: not known [s]
         real(wp), intent(in) :: measure(:, :)          !! at equal distances from the step's beginning to its end (place, measure)
         real(wp), intent(in) :: gap                    !! the widest one between stages, part of the step
         type(law_sight), intent(inout) :: sight
@@ -119,7 +126,7 @@ contains
         do k = 1, size(measure, 2)
             if (book%measure(k)%wraps) call unwrap(followed(:, k))
         end do
-        asked = pieces_asked(book, sight, followed)
+        asked = pieces_asked(book, span, sight, followed)
         if (asked > most) then
             part = well_within*most/asked
             return
@@ -177,8 +184,9 @@ contains
     end subroutine unwrap
 
     !> So many that no law changes unseen between two.
-    pure real(wp) function pieces_asked(book, sight, measure) result(asked)
+    pure real(wp) function pieces_asked(book, span, sight, measure) result(asked)
         type(law_book), intent(in) :: book
+        real(wp), intent(in) :: span                   !! of the run; 0: not known [s]
         type(law_sight), intent(in) :: sight
         real(wp), intent(in) :: measure(:, :)          !! (place, measure)
         real(wp) :: value(size(measure, 1), size(book%law)), mode(size(measure, 1))
@@ -188,6 +196,7 @@ contains
         asked = 0
         do k = 1, size(measure, 2)
             asked = max(asked, travel(measure(:, k))/sight%piece(k))
+            if (sight%is_instant(k) .and. span > 0) asked = max(asked, travel(measure(:, k))*pieces_a_run/span)
         end do
         do k = 1, size(book%law)
             if (book%law(k)%over /= 0) asked = max(asked, travel(law_argument(book%law(k), measure, value))/sight%rows(k))

@@ -3,7 +3,7 @@
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, branches_tried
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, free_equations, &
         prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
@@ -224,8 +224,7 @@ contains
 
         nothing = 0
         no_force = 0
-        branch = spread(forces%model%branch(:forces%model%n_branch), 1, lanes)
-        if (forces%assembly%is_needed) branch = forces%assembly%branch
+        branch = branches_tried(forces%model, forces%assembly)
         call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(force, 2)), &
                           no_force, forces%record)
         call close_states(forces%model, forces%assembly, n, forces%record)

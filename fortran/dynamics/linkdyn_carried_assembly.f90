@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
-    public :: keep_evaluated, count_passed, leaves_doubt, secant
+    public :: keep_evaluated, count_passed, leaves_doubt, secant, branches_tried
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -78,6 +78,19 @@ contains
         allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
         assembly%column = 0
     end subroutine begin_assembly
+
+    !> Branches of the closed forms on which states are tried.
+    pure function branches_tried(model, assembly) result(branch)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly
+        real(wp) :: branch(lanes, model%n_branch)
+
+        if (assembly%is_needed) then
+            branch = assembly%branch
+        else
+            branch = spread(model%branch(:model%n_branch), 1, lanes)
+        end if
+    end function branches_tried
 
     !> Kinematics of a state tried; on the assembly that leads there, if there are several.
     subroutine evaluate_assembled(model, t, assembly, state)
