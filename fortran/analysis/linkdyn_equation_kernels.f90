@@ -1,7 +1,7 @@
 !> The kernels of one choice of equations: each is made when it is wanted first, and then serves all threads.
 !>
 !> Designs that differ in their numbers alone are a family: kernels are made of its head, whichever design wants them first, with
-!> numbers for inputs, and serve all of them.
+!> numbers for inputs, and serve all of them. So are those who solve the equations of one model time and again.
 module linkdyn_equation_kernels
     use linkdyn_alike_models, only: describe_alike
     use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, open_equations, close_equations, &
@@ -18,7 +18,7 @@ module linkdyn_equation_kernels
     private
     public :: equation_kernels, answer_kernels, make_kernels, free_kernels, need_matrix, need_solving, need_answers, need_sliding, &
         slides_or_pulls
-    public :: kernel_family, found_family, join_family, end_family, takes_numbers
+    public :: kernel_family, found_family, found_for_one, join_family, end_family, takes_numbers
 
     !> Kernels of some results.
     type :: answer_kernels
@@ -48,8 +48,8 @@ module linkdyn_equation_kernels
 
     type :: kernel_family
         type(model_type), private :: head
-        character(len=:), allocatable, private :: key
-        integer, allocatable, private :: varying(:)    !! numbers that are inputs
+        character(len=:), allocatable, private :: key  !! what models have in common; none: the head is all there is
+        integer, allocatable, private :: varying(:)    !! numbers that are inputs; none: these are constants
         type(equation_kernels), pointer, private :: first => null()
     end type kernel_family
 
@@ -82,6 +82,15 @@ contains
         if (len(family%key) == 0) deallocate (family)
     end subroutine found_family
 
+    !> All who solve a model's equations share kernels from now on.
+    subroutine found_for_one(model, family)
+        type(model_type), intent(in) :: model
+        type(kernel_family), pointer, intent(out) :: family
+
+        allocate (family)
+        family%head = model
+    end subroutine found_for_one
+
     !> Take the family's kernels in the place of one's own, of which none may be made yet; a model that is not like its head keeps its
     !> own.
     subroutine join_family(model, family, kernels)
@@ -92,10 +101,12 @@ contains
         character(len=:), allocatable :: key
         integer, allocatable :: varying(:)
 
-        call hold_texts()
-        call describe_alike(model, key, varying)
-        call release_texts()
-        if (key /= family%key) return
+        if (allocated(family%key)) then
+            call hold_texts()
+            call describe_alike(model, key, varying)
+            call release_texts()
+            if (key /= family%key) return
+        end if
         call hold_records()
         shared => family%first
         do while (associated(shared))
@@ -104,7 +115,7 @@ contains
         end do
         if (.not. associated(shared)) then
             call make_kernels(kernels%choice, kernels%wants_reactions, kernels%wants_order, shared)
-            shared%choice%varying = family%varying
+            if (allocated(family%varying)) shared%choice%varying = family%varying
             shared%family => family
             shared%next => family%first
             family%first => shared
@@ -127,7 +138,7 @@ contains
     pure logical function takes_numbers(kernels)
         type(equation_kernels), intent(in) :: kernels
 
-        takes_numbers = associated(kernels%family)
+        takes_numbers = allocated(kernels%choice%varying)
     end function takes_numbers
 
     !> Nobody may be using its kernels.

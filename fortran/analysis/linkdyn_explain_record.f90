@@ -4,13 +4,14 @@ module linkdyn_explain_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_equations, only: unknown_choice
-    use linkdyn_forward_record, only: forward_record, make_forward_record, free_forward_record
+    use linkdyn_forward_record, only: make_forward_rates
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_recorded_rates, only: recorded_rates, free_rates
     use linkdyn_representatives, only: choose_poses
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
@@ -56,19 +57,19 @@ contains
         integer, intent(in) :: unit
         type(unknown_choice) :: unknown
         type(state_layout) :: layout
-        type(forward_record) :: record
+        type(recorded_rates) :: recorded
         type(status_type) :: status
 
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
         if (.not. any(unknown%acceleration)) return
         call plan_layout(model, unknown%acceleration, layout)
-        call make_forward_record(model, layout, unknown, .true., record)
-        if (record%recorded%is_usable) then
+        call make_forward_rates(model, layout, unknown, .true., recorded)
+        if (recorded%is_usable) then
             write (unit, "(/,a)") "Record of forward dynamics"
-            write (unit, "(2x,a)") "rates: "//in_words(record%recorded%program%kernel)
+            write (unit, "(2x,a)") "rates: "//in_words(recorded%program%kernel)
         end if
-        call free_forward_record(record)
+        call free_rates(recorded)
     end subroutine explain_rates
 
     !> Operations a sample, those of one kind together.

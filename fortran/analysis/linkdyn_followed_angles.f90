@@ -116,7 +116,11 @@ contains
         real(wp), intent(in) :: spin_before, spin              !! [rad/s]
         real(wp), intent(in) :: duration                       !! [s]
 
-        angle = value - two_pi*anint((value - (before + (spin_before + spin)/2*duration))/two_pi)
+        real(wp) :: n_turn
+
+        n_turn = (value - (before + (spin_before + spin)/2*duration))/two_pi
+        angle = value
+        if (abs(n_turn) >= 0.5_wp) angle = value - two_pi*anint(n_turn)    ! rarely: rounding is a call of a library
     end function turned_to
 
     !> A step has led to the accepted state; nothing within it is known.

@@ -42,6 +42,7 @@ module linkdyn_forward
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
         has_hard_stops
+    use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
         sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
@@ -933,7 +934,8 @@ contains
         type(status_type), intent(inout) :: status
         type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
         type(event_log), allocatable :: of_block(:)
-        type(forward_system) :: teller                 ! whose record all blocks share
+        type(shared_programs), pointer :: shared       ! by all blocks
+        type(forward_system) :: teller                 ! that makes the record
         type(status_type) :: block_status
         integer :: block, n_block
 
@@ -942,8 +944,10 @@ contains
         call check_options(options%integrator, status)
         if (.not. status%is_ok()) return
         n_block = (size(q_start, 2) + lanes - 1)/lanes
+        nullify (shared)
+        call hold_programs(shared)
         call make_shared_record(status)
-        if (.not. status%is_ok()) return
+        if (.not. status%is_ok()) n_block = 0
         allocate (of_block(n_block))
         !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
         do block = 1, n_block
@@ -955,7 +959,8 @@ contains
         end do
         !$omp end parallel do
         call teller%release()
-        if (present(log)) call gather_events(log)
+        call leave_programs(shared)
+        if (status%is_ok() .and. present(log)) call gather_events(log)
 
     contains
 
@@ -969,6 +974,7 @@ contains
             if (.not. rates_by_record(options) .or. size(t) == 0) return
             n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
             if (.not. n_evaluation > evaluations_before_record(model)) return
+            call hold_programs(teller%shared, shared)
             call build_forward_system(model, options%stage_solver, teller, status)
             if (.not. status%is_ok()) return
             teller%wants_work = follows_assembly(model)
@@ -1007,13 +1013,15 @@ contains
             run%own => model
             run%model => model
             allocate (run%system)
+            call hold_programs(run%system%shared, shared)
             call hold_texts()
             call build_forward_system(model, options%stage_solver, run%system, status)
             call release_texts()
             if (status%is_ok()) then
                 run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
                 run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
-                call run%system%share_record(teller)
+                run%system%may_record = teller%may_record
+                run%system%n_before_record = 0
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)

@@ -1,26 +1,41 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_assembly_trail, only: sample_assembly
-    use linkdyn_carried_assembly, only: branches_tried
-    use linkdyn_constants, only: golden
-    use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
+    use linkdyn_carried_assembly, only: branches_tried, stand_there
+    use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
-    use linkdyn_motion_forces, only: record_motion_forces, share_motion_forces
+    use linkdyn_lock, only: hold_records, release_records
+    use linkdyn_motion_forces, only: record_motion_forces
     use linkdyn_motor_states, only: drive_record_by_motors
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: choose_poses, set_in_motion
+    use linkdyn_shared_programs, only: hold_programs
+    use linkdyn_stage_places, only: forget_stages
     implicit none (type, external)
 
 contains
 
-    !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
+    !> Use the mechanism's record from now on, if it has one that finds what the lanes find. Whoever comes first makes it: the others
+    !> wait.
     module procedure make_record
-        call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
-        self%may_record = self%record%recorded%is_usable
-        if (self%may_record) self%may_record = agrees_with_lanes(self, t)
-        if (self%may_record) call record_motion_forces(self%of_motion)
+        call hold_records()
+        if (.not. associated(self%shared)) call hold_programs(self%shared)
+        associate (shared => self%shared)
+            if (.not. associated(shared%rates)) then
+                allocate (shared%rates)
+                call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%rates)
+                call use_forward_rates(self%model, shared%rates, self%record)
+                if (shared%rates%is_usable) shared%agrees = agrees_with_lanes(self, t)
+                call forget_stages(self%record%stage)
+            else
+                call use_forward_rates(self%model, shared%rates, self%record)
+            end if
+            self%may_record = shared%agrees
+            if (self%may_record) call record_motion_forces(t, self%of_motion, shared%of_motion)
+        end associate
+        call release_records()
         if (self%may_record) call help_lanes(self)
     end procedure make_record
 
@@ -31,15 +46,6 @@ contains
         nullify (self%assembly%closer)
         if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
-
-    !> Use the record of another system of the same scene.
-    module procedure share_record
-        self%may_record = other%may_record
-        if (.not. self%may_record) return
-        call share_forward_record(self%model, other%record%recorded, self%record)
-        call share_motion_forces(other%of_motion, self%of_motion)
-        call help_lanes(self)
-    end procedure share_record
 
     !> dy/dt of the lanes used; the others are like the last of these.
     module procedure evaluate_by_record
@@ -91,7 +97,7 @@ contains
         real(wp), dimension(lanes, self%model%n_q) :: q, qd
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
-        integer :: obstacle(lanes), first, i, k, lane, n_used, n_compared, n_alike
+        integer :: obstacle(lanes), first, lane, n_used, n_compared, n_alike
         logical :: failed(lanes), is_left(lanes)
 
         carried = self%assembly
@@ -105,15 +111,11 @@ contains
         n_compared = 0
         n_alike = 0
         do first = 1, size(pose, 2), lanes
-            do lane = 1, lanes
-                i = min(first + lane - 1, size(pose, 2))
-                q(lane, :) = pose(:, i)
-                qd(lane, :) = [(modulo((i*self%model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, self%model%n_q)]
-            end do
+            call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
             call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
             if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
-            if (size(self%model%group) > 0) call stand_there()
+            if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%assembly)
             call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
             do lane = 1, min(lanes, size(pose, 2) - first + 1)
                 if (failed(lane) .or. is_left(lane)) cycle
@@ -129,14 +131,6 @@ contains
         agrees = n_compared > 0 .and. 2*n_alike > n_compared
 
     contains
-
-        !> The record closes groups from where the lanes have found them, far from the start.
-        subroutine stand_there()
-            self%assembly%q = q
-            self%assembly%place = self%workspace%state%group%place
-            self%assembly%margin = margin
-            self%assembly%drift = 0
-        end subroutine stand_there
 
         logical function has_same_margins(lane)
             integer, intent(in) :: lane

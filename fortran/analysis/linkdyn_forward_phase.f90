@@ -2,8 +2,10 @@
 module linkdyn_forward_phase
     use linkdyn_condition, only: make_condition
     use linkdyn_coordinate_watch, only: prepare_watch
-    use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination, solver_lapack
+    use linkdyn_equation_kernels, only: kernel_family
+    use linkdyn_equations, only: build_equations, share_equations, unknown_choice, solver_elimination, solver_lapack
     use linkdyn_exchange, only: coordinate_now, is_same_place
+    use linkdyn_forward_record, only: evaluations_before_record
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_forward_unknowns, only: choose_unknowns
@@ -12,6 +14,7 @@ module linkdyn_forward_phase
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_shared_programs, only: shared_programs, hold_programs, kernels_of
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -29,6 +32,7 @@ module linkdyn_forward_phase
         logical :: events_end = .true.                 !! an event whose `do` is "stop" ends the run; false: it is noted
         logical :: by_record = .true.                  !! rates by a record of the scene, where it has one; false: by lanes alone
         logical :: listens = .false.                   !! Ctrl-C of the program that called us is a pause, too
+        type(shared_programs), pointer :: shared => null()    !! of the model's records, by whoever runs it again; null: nobody does
     end type forward_options
 
     type :: forward_phase
@@ -53,12 +57,19 @@ contains
         type(forward_phase), intent(inout) :: phase
         type(status_type), intent(inout) :: status
         type(unknown_choice) :: unknown
+        type(kernel_family), pointer :: kernels
 
         allocate (phase%system)
+        if (associated(phase%model, own) .and. associated(options%shared)) &
+            call hold_programs(phase%system%shared, options%shared)
         call build_forward_system(phase%model, options%stage_solver, phase%system, status, own)
         call choose_unknowns(phase%model, unknown, status)
         if (status%is_ok()) call build_equations(phase%model, options%solver, options%wants_reactions, &
                                                  phase%output%equations, status, unknown)
+        if (status%is_ok()) then
+            call kernels_of(phase%model, phase%system%shared, kernels)
+            call share_equations(phase%model, kernels, phase%output%equations)
+        end if
         if (status%is_ok() .and. options%wants_rcond .and. options%solver /= solver_lapack) then
             allocate (phase%output%condition)
             call make_condition(phase%model, unknown, phase%output%condition)
@@ -68,6 +79,8 @@ contains
         phase%system%lanes_are_one = .true.
         phase%system%may_end = options%events_end
         phase%system%may_record = rates_by_record(options)
+        ! others stand in for a short time only
+        if (.not. associated(phase%model, own)) phase%system%n_before_record = evaluations_before_record(phase%model)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches
     end subroutine plan_phase
@@ -142,11 +155,11 @@ contains
     subroutine release_phase(phase)
         type(forward_phase), intent(inout) :: phase
 
+        call phase%output%free()                       ! whose kernels the system holds
         if (associated(phase%system)) then
             call phase%system%release()
             deallocate (phase%system)
         end if
-        call phase%output%free()
         if (phase%owns_model) deallocate (phase%model)
     end subroutine release_phase
 end module linkdyn_forward_phase

@@ -22,7 +22,7 @@ module linkdyn_forward_record
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
-    use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
+    use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: choose_poses
@@ -32,15 +32,14 @@ module linkdyn_forward_record
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_record, can_be_recorded, evaluations_before_record, make_forward_record, share_forward_record, &
-        free_forward_record
+    public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
+        use_forward_rates, free_forward_record
     public :: place_states, place_touches, close_states, run_states, may_change_assembly, keep_stages, apply_record_laws, &
         settle_record_losses
 
-    !> A record, and the samples of one run.
+    !> The record that a run uses, and its samples of it.
     type :: forward_record
         type(recorded_rates), pointer :: recorded => null()
-        logical, private :: owns_it = .false.          !! else several runs share it
         type(rate_samples) :: samples
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
@@ -67,7 +66,7 @@ contains
         end do
     end function can_be_recorded
 
-    !> Evaluations on lanes that take about as long as the making of a record: a run of fewer has none.
+    !> Evaluations on lanes that take about as long as the making of a record: whoever makes fewer has none.
     pure integer function evaluations_before_record(model) result(n)
         type(model_type), intent(in) :: model
         integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
@@ -78,20 +77,27 @@ contains
         if (size(model%group) > 0) n = of_groups*model%n_link
     end function evaluations_before_record
 
+    !> Evaluations on lanes after which the record of a run is made: of mechanisms of some links it is at once, since whoever runs them
+    !> again shares it.
+    pure integer function evaluations_on_lanes(model) result(n)
+        type(model_type), intent(in) :: model
+        integer, parameter :: few_links = 50
+
+        n = merge(0, evaluations_before_record(model), model%n_link <= few_links)
+    end function evaluations_on_lanes
+
     !> Trace the scene; ask `recorded%is_usable` whether that has served.
-    subroutine make_forward_record(model, layout, unknown, wants_power, record)
+    subroutine make_forward_rates(model, layout, unknown, wants_power, recorded)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         type(unknown_choice), intent(in) :: unknown
         logical, intent(in) :: wants_power             !! else powers are zero
-        type(forward_record), intent(out) :: record
+        type(recorded_rates), intent(out) :: recorded
         type(trace_request) :: request
         type(sample_assembly) :: assembly
         real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
-        allocate (record%recorded)
-        record%owns_it = .true.
         if (.not. can_be_recorded(model, layout)) return
         call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
         request%by_quaternion = any(layout%quaternion > 0)
@@ -101,41 +107,38 @@ contains
         request%has_friction = size(model%contact) > 0
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
-        call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, record%recorded)
-        if (record%recorded%is_usable .and. needs_places(record)) then
+        call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, recorded)
+        if (recorded%is_usable .and. places_groups(recorded)) then
             ! from coordinates alone
             if (model%n_attitude == 0) call make_closing_programs( &
-                model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), record%recorded%closing)
-            record%recorded%is_usable = record%recorded%closing%is_usable
+                model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), recorded%closing)
+            recorded%is_usable = recorded%closing%is_usable
         end if
         call release_texts()
-        if (record%recorded%is_usable) call prepare_samples(model, record)
-    end subroutine make_forward_record
+    end subroutine make_forward_rates
 
     !> Are links placed by iteration in the record, too? Some it closes at once that the lanes do not: legs in any axes.
-    pure logical function needs_places(record)
-        type(forward_record), intent(in) :: record
+    pure logical function places_groups(recorded)
+        type(recorded_rates), intent(in) :: recorded
 
-        needs_places = size(record%recorded%model%group) > 0
-    end function needs_places
+        places_groups = size(recorded%model%group) > 0
+    end function places_groups
 
-    !> Another run of the same scene, by the same record.
-    subroutine share_forward_record(model, recorded, record)
+    !> Use a record of the scene from now on.
+    subroutine use_forward_rates(model, recorded, record)
         type(model_type), intent(in) :: model
         type(recorded_rates), intent(in), target :: recorded
         type(forward_record), intent(out) :: record
 
         record%recorded => recorded
         if (recorded%is_usable) call prepare_samples(model, record)
-    end subroutine share_forward_record
+    end subroutine use_forward_rates
 
     subroutine free_forward_record(record)
         type(forward_record), intent(inout) :: record
 
         call free_rate_samples(record%samples)
-        if (.not. (record%owns_it .and. associated(record%recorded))) return
-        call free_rates(record%recorded)
-        deallocate (record%recorded)
+        nullify (record%recorded)
     end subroutine free_forward_record
 
     !> Poses as samples of the program's inputs.
@@ -170,7 +173,7 @@ contains
 
         call make_rate_samples(record%recorded, lanes, record%samples)
         allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
-        if (needs_places(record)) call prepare_stage_places(model, record%stage)
+        if (places_groups(record%recorded)) call prepare_stage_places(model, record%stage)
         allocate (record%followed(model%n_actuator), record%is_sprung(model%n_q))
         record%followed = 0
         record%is_sprung = .false.
@@ -341,7 +344,7 @@ contains
         logical, dimension(n) :: is_closed, arrives
         integer :: lane, g
 
-        if (.not. needs_places(record)) return
+        if (.not. places_groups(record%recorded)) return
         associate (samples => record%samples, closing => record%recorded%closing)
             do lane = 1, n
                 call predict_stage(model, assembly, record%stage, lane, samples%q(:, lane), from(:, lane), stand(:, :, lane), &
@@ -373,7 +376,7 @@ contains
         type(forward_record), intent(inout) :: record
         integer :: lane
 
-        if (.not. needs_places(record)) return
+        if (.not. places_groups(record%recorded)) return
         do lane = 1, n
             call keep_stage(assembly, lane, .not. record%samples%is_left(lane), record%samples%q(:, lane), &
                             record%samples%place(:, lane), record%stage)
@@ -391,7 +394,7 @@ contains
         real(wp) :: ahead
         integer :: n_group
 
-        n_group = merge(size(model%group), 0, needs_places(record))
+        n_group = merge(size(model%group), 0, places_groups(record%recorded))
         associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch, &
                    of_groups => record%samples%group_margin(:, lane))
             ahead = t - assembly%t(lane)

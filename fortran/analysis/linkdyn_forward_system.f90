@@ -22,14 +22,15 @@ module linkdyn_forward_system
     use linkdyn_drive_laws, only: compares_motion
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equation_programs, only: out_powers
+    use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
-    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, renew_equations, &
-        free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
+        renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
         follow_angles, looks_for_angles, follow_within, angles_at
-    use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
+    use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
     use linkdyn_held_variables, only: held_accelerations
@@ -45,6 +46,7 @@ module linkdyn_forward_system
         forget_forces, find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
+    use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
@@ -90,6 +92,8 @@ module linkdyn_forward_system
         type(held_accelerations) :: held               !! of what both hold, at the state in the workspace
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
+        integer :: n_before_record = 0                 !! evaluations on lanes before that
+        type(shared_programs), pointer :: shared => null()    !! held; null: nobody has given or needed any
         type(forward_record) :: record
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
@@ -101,7 +105,6 @@ module linkdyn_forward_system
         procedure :: evaluate => evaluate_forward
         procedure :: evaluate_on_lanes
         procedure :: make_record
-        procedure :: share_record
         procedure :: accept => accept_forward
         procedure :: begin_trial => begin_chain_of_stages
         procedure :: looks_wanted => looks_for_turns
@@ -135,17 +138,11 @@ module linkdyn_forward_system
     ! How is said in the submodules. Instants t in s, states y (lane, n).
     interface
         ! ---- linkdyn_forward_by_record
-        !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
+        !> Use the mechanism's record from now on, if it has one and that finds what the lanes find.
         module subroutine make_record(self, t)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
         end subroutine make_record
-
-        !> Use the record of another system of the same scene.
-        module subroutine share_record(self, other)
-            class(forward_system), intent(inout) :: self
-            type(forward_system), intent(in) :: other
-        end subroutine share_record
 
         module subroutine evaluate_by_record(self, t, y, rate, is_left)
             class(forward_system), intent(inout) :: self
@@ -333,6 +330,7 @@ contains
         type(status_type), intent(inout) :: status
         type(model_type), intent(in), target, optional :: motion_model  !! whose coordinates have the scene's motion; absent: model
         type(unknown_choice) :: unknown
+        type(kernel_family), pointer :: kernels
         integer :: stage_solver
 
         system%model => model
@@ -342,6 +340,8 @@ contains
         if (solver == 0) stage_solver = fastest_solver(model, unknown)
         call build_equations(model, stage_solver, .false., system%equations, status, unknown, has_motor_laws=.true.)
         if (.not. status%is_ok()) return
+        call kernels_of(model, system%shared, kernels)
+        call share_equations(model, kernels, system%equations)
         call prepare_workspace(model, system%equations, system%workspace)
         call want_of(system%workspace, [out_powers])
         system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
@@ -353,6 +353,7 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
+        system%n_before_record = evaluations_on_lanes(model)
         call plan_law_sight(model%scene%laws, laws_over_time(model), system%sight)
         system%may_leap = has_to_look(system%sight)
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
@@ -364,9 +365,9 @@ contains
         call prepare_motors(model%n_actuator, system%motors)
         if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
         if (present(motion_model)) then
-            call plan_motion_forces(motion_model, system%of_motion, status)
+            call plan_motion_forces(motion_model, kernels, system%of_motion, status)
         else
-            call plan_motion_forces(model, system%of_motion, status)
+            call plan_motion_forces(model, kernels, system%of_motion, status)
         end if
     end subroutine build_forward_system
 
@@ -431,6 +432,7 @@ contains
             self%angles = other%angles
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
+        call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
@@ -448,6 +450,7 @@ contains
         call free_motion_forces(self%of_motion)
         call free_control(self%control)
         call free_forward_record(self%record)
+        call leave_programs(self%shared)
     end subroutine release
 
     !> Numbers of the model have changed, nothing else of it.
@@ -493,7 +496,7 @@ contains
         end if
     end subroutine evaluate_forward
 
-    !> Is there a record that serves? It is made once the run is long enough; it knows nothing of what stops and clutches hold.
+    !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold.
     logical function has_record_now(self, t) result(has_one)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
@@ -502,8 +505,7 @@ contains
         if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
         if (self%may_record .and. .not. associated(self%record%recorded)) then
             ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
-            if (self%n_accepted*self%evaluations_a_step >= evaluations_before_record(self%model)) &
-                call self%make_record(t)
+            if (self%n_accepted*self%evaluations_a_step >= self%n_before_record) call self%make_record(t)
         end if
         has_one = self%may_record .and. associated(self%record%recorded)
     end function has_record_now

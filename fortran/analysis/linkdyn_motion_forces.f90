@@ -3,11 +3,13 @@
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, branches_tried
-    use linkdyn_constants, only: golden
-    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, free_equations, &
-        prepare_workspace, solve_equations, solver_reduced, solver_elimination
-    use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
+    use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
+        stand_there, branches_tried
+    use linkdyn_equation_kernels, only: kernel_family
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
+        free_equations,         prepare_workspace, solve_equations, solver_reduced, solver_elimination
+    use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
         place_states, close_states, may_change_assembly, keep_stages
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
@@ -17,15 +19,14 @@ module linkdyn_motion_forces
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
-    use linkdyn_recorded_rates, only: run_rates
+    use linkdyn_recorded_rates, only: recorded_rates, run_rates
+    use linkdyn_representatives, only: choose_poses, set_in_motion
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
     private
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, forget_forces, &
-        find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
-
-    integer, parameter :: n_check = 4                  !! steps at whose ends the record is compared with the lanes
+        find_motion_forces, record_motion_forces, free_motion_forces, measure_motion
 
     type :: motion_forces
         logical :: is_needed = .false.
@@ -39,14 +40,14 @@ module linkdyn_motion_forces
         type(state_layout), private :: layout          !! nothing of the motion is integrated
         logical, private :: has_record = .false.
         type(forward_record) :: record
-        integer, private :: n_checked = 0
         integer :: n_by_record = 0                     !! evaluations by the record alone
     end type motion_forces
 
 contains
 
-    subroutine plan_motion_forces(model, forces, status)
+    subroutine plan_motion_forces(model, kernels, forces, status)
         type(model_type), intent(in), target :: model  !! must outlive the forces
+        type(kernel_family), pointer, intent(in) :: kernels    !! for its equations; null: it makes its own
         type(motion_forces), intent(inout) :: forces
         type(status_type), intent(inout) :: status
 
@@ -56,6 +57,7 @@ contains
         call build_equations(model, merge(solver_elimination, solver_reduced, size(model%contact) > 0), .false., &
                              forces%equations, status)
         if (.not. status%is_ok()) return
+        call share_equations(model, kernels, forces%equations)
         call prepare_workspace(model, forces%equations, forces%workspace)
         forces%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, spread(.false., 1, model%n_q), forces%layout)
@@ -89,7 +91,6 @@ contains
             call unpack_motion(forces%model, t, forces%assembly%state)
             call accept_assembly(forces%model, t, is_accepted, forces%assembly)
         end if
-        if (forces%has_record .and. forces%n_checked < n_check) call check_record(t, forces)
     end subroutine accept_motion
 
     !> What was found before has no part in what is found next.
@@ -109,7 +110,7 @@ contains
         logical :: serves
 
         if (all(t == forces%t)) return
-        serves = forces%has_record .and. forces%n_checked == n_check
+        serves = forces%has_record
         if (serves) call find_by_record(t, n, forces, by_record, serves)
         if (serves) then
             forces%force = by_record
@@ -121,38 +122,20 @@ contains
         forces%t = t
     end subroutine find_motion_forces
 
-    !> Does the record find what the lanes find? Asked where some steps end, whatever is evaluated between them, of motions disturbed at
-    !> random: those of the scene may need no force at all. A difference would be a defect, and the lanes are believed.
-    subroutine check_record(t, forces)
+    subroutine find_on_lanes(t, forces)
         real(wp), intent(in) :: t(lanes)
         type(motion_forces), intent(inout) :: forces
-        real(wp) :: by_record(lanes, size(forces%force, 2))
-        logical :: serves, is_alike(lanes)
-        integer :: lane
 
-        forces%t = -huge(1.0_wp)                       ! what is found here is of another motion
-        call find_by_record(t, lanes, forces, by_record, serves, is_disturbed=.true.)
-        if (.not. serves) return
-        call find_on_lanes(t, forces, is_disturbed=.true.)
-        if (.not. all(forces%status == sample_ok)) return
-        is_alike = [(are_alike(forces%force(lane, :), by_record(lane, :)), lane=1, lanes)]
-        forces%has_record = 2*count(is_alike) > lanes  ! a defect shows everywhere; near a dead point both may have few digits
-        forces%n_checked = forces%n_checked + 1
-    end subroutine check_record
+        call unpack_motion(forces%model, t, forces%workspace%state)
+        call solve_on_lanes(t, forces)
+    end subroutine find_on_lanes
 
-    subroutine find_on_lanes(t, forces, is_disturbed)
+    !> Forces of the motion whose coordinates are in the workspace.
+    subroutine solve_on_lanes(t, forces)
         real(wp), intent(in) :: t(lanes)
         type(motion_forces), intent(inout) :: forces
-        logical, intent(in), optional :: is_disturbed  !! the rates are; absent: false
-        integer :: lane
 
         associate (model => forces%model, workspace => forces%workspace)
-            call unpack_motion(model, t, workspace%state)
-            if (present(is_disturbed)) then
-                do lane = 1, lanes
-                    if (is_disturbed) call disturb(lane, workspace%state%qd(lane, :), workspace%state%qdd(lane, :))
-                end do
-            end if
             call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, forces%assembly, workspace%state)
             workspace%state%time = t
@@ -160,19 +143,7 @@ contains
             forces%force = workspace%driving_force
             forces%status = workspace%status
         end associate
-    end subroutine find_on_lanes
-
-    !> Other rates and accelerations of a motion, as chance has it.
-    pure subroutine disturb(lane, qd, qdd)
-        integer, intent(in) :: lane
-        real(wp), intent(inout) :: qd(:), qdd(:)       !! of the coordinates (n_q)
-        integer :: k
-
-        do k = 1, size(qd)
-            qd(k) = qd(k) + (1 + abs(qd(k)))*(modulo((k + lane*size(qd))*golden, 1.0_wp) - 0.5_wp)
-            qdd(k) = qdd(k) + (1 + abs(qdd(k)))*(modulo((k + lane*size(qd))*golden + 0.3_wp, 1.0_wp) - 0.5_wp)
-        end do
-    end subroutine disturb
+    end subroutine solve_on_lanes
 
     !> What laws over the state depend on, in the motion at the instants of the lanes; not a number where it cannot be placed.
     subroutine measure_motion(t, forces, measure)
@@ -212,48 +183,101 @@ contains
 
     ! ---------------------------------------------------------------- by a record
 
-    !> Use a record from now on, if the scene has one.
-    subroutine record_motion_forces(forces)
+    !> Use a record from now on, if the scene has one that finds what the lanes find; it is made if nobody has.
+    subroutine record_motion_forces(t, forces, recorded)
+        real(wp), intent(in) :: t                      !! [s]
         type(motion_forces), intent(inout) :: forces
+        type(recorded_rates), pointer, intent(inout) :: recorded    !! null: not made yet; must outlive the forces
         type(unknown_choice) :: unknown
+        logical :: is_new
 
         if (.not. forces%is_needed) return
-        unknown%acceleration = spread(.false., 1, forces%model%n_q)
-        unknown%drive = spread(.true., 1, forces%model%n_actuator)
-        call make_forward_record(forces%model, forces%layout, unknown, .false., forces%record)
-        forces%has_record = forces%record%recorded%is_usable
+        is_new = .not. associated(recorded)
+        if (is_new) then
+            unknown%acceleration = spread(.false., 1, forces%model%n_q)
+            unknown%drive = spread(.true., 1, forces%model%n_actuator)
+            allocate (recorded)
+            call make_forward_rates(forces%model, forces%layout, unknown, .false., recorded)
+        end if
+        call use_forward_rates(forces%model, recorded, forces%record)
+        if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, forces)
+        forces%has_record = recorded%is_usable
     end subroutine record_motion_forces
 
-    !> Use a record that another system of the same scene owns.
-    subroutine share_motion_forces(other, forces)
-        type(motion_forces), intent(in) :: other
+    !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect, and the
+    !> lanes are believed.
+    logical function agrees_with_lanes(t, forces) result(agrees)
+        real(wp), intent(in) :: t                      !! [s]
         type(motion_forces), intent(inout) :: forces
+        type(carried_assembly) :: carried
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: stand(3, 4, 0:forces%model%n_link), by_record(lanes, size(forces%force, 2))
+        integer :: first, lane, n_compared, n_alike
 
-        if (.not. (forces%is_needed .and. other%has_record)) return
-        call share_forward_record(forces%model, other%record%recorded, forces%record)
-        forces%has_record = .true.
-    end subroutine share_motion_forces
+        carried = forces%assembly
+        call begin_assembly(forces%model, t, forces%assembly)
+        call choose_poses(forces%model, spread(forces%model%start_q, 2, 1), pose, assembly, stand)
+        n_compared = 0
+        n_alike = 0
+        associate (model => forces%model, state => forces%workspace%state)
+            do first = 1, size(pose, 2), lanes
+                call set_in_motion(pose, first, state%q, state%qd, state%qdd)
+                call solve_on_lanes(spread(t, 1, lanes), forces)
+                if (size(model%group) > 0) call stand_there(model, state, forces%assembly)
+                call place_motion(spread(t, 1, lanes), lanes, forces)
+                forces%record%samples%q(:, :lanes) = transpose(state%q)
+                forces%record%samples%qd(:, :lanes) = transpose(state%qd)
+                forces%record%samples%qdd(:, :lanes) = transpose(state%qdd)
+                call run_motion(spread(t, 1, lanes), lanes, forces, by_record)
+                do lane = 1, min(lanes, size(pose, 2) - first + 1)
+                    if (forces%status(lane) /= sample_ok .or. forces%record%samples%is_left(lane)) cycle
+                    n_compared = n_compared + 1
+                    if (are_alike(forces%force(lane, :), by_record(lane, :))) n_alike = n_alike + 1
+                end do
+            end do
+        end associate
+        forces%assembly = carried
+        call forget_forces(forces)
+        ! A defect shows everywhere; near a dead point both may have few digits.
+        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+    end function agrees_with_lanes
 
-    subroutine find_by_record(t, n, forces, force, serves, is_disturbed)
+    subroutine find_by_record(t, n, forces, force, serves)
         real(wp), intent(in) :: t(lanes)
         integer, intent(in) :: n
         type(motion_forces), intent(inout) :: forces
         real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator)
         logical, intent(out) :: serves                 !! false: for one of the lanes at least it does not
-        logical, intent(in), optional :: is_disturbed  !! the rates are; absent: false
-        real(wp) :: nothing(lanes, forces%layout%n), no_force(lanes, size(force, 2)), branch(lanes, forces%model%n_branch)
-        integer :: lane, i
+
+        call place_motion(t, n, forces)
+        call run_motion(t, n, forces, force)
+        serves = .not. any(forces%record%samples%is_left(:n))
+    end subroutine find_by_record
+
+    !> The motion at the instants of the lanes, as samples of the record.
+    subroutine place_motion(t, n, forces)
+        real(wp), intent(in) :: t(lanes)
+        integer, intent(in) :: n
+        type(motion_forces), intent(inout) :: forces
+        real(wp) :: nothing(lanes, forces%layout%n), no_force(lanes, forces%model%n_actuator)
+        real(wp) :: branch(lanes, forces%model%n_branch)
 
         nothing = 0
         no_force = 0
         branch = branches_tried(forces%model, forces%assembly)
-        call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(force, 2)), &
+        call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(no_force, 2)), &
                           no_force, forces%record)
-        if (present(is_disturbed)) then
-            do lane = 1, n
-                if (is_disturbed) call disturb(lane, forces%record%samples%qd(:, lane), forces%record%samples%qdd(:, lane))
-            end do
-        end if
+    end subroutine place_motion
+
+    !> Run the record on them; `samples%is_left` says where it does not serve.
+    subroutine run_motion(t, n, forces, force)
+        real(wp), intent(in) :: t(lanes)
+        integer, intent(in) :: n
+        type(motion_forces), intent(inout) :: forces
+        real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator)
+        integer :: lane, i
+
         call close_states(forces%model, forces%assembly, n, forces%record)
         associate (recorded => forces%record%recorded, samples => forces%record%samples)
             call run_rates(recorded, n, samples)
@@ -264,13 +288,11 @@ contains
                 end do
                 call keep_stages(forces%assembly, n, forces%record)
             end if
-            serves = .not. any(samples%is_left(:n))
-            if (.not. serves) return
             do i = 1, size(force, 2)
                 force(:, i) = samples%found(recorded%out%effort + i - 1, [(min(lane, n), lane=1, lanes)])
             end do
         end associate
-    end subroutine find_by_record
+    end subroutine run_motion
 
     subroutine free_motion_forces(forces)
         type(motion_forces), intent(inout) :: forces

@@ -15,11 +15,27 @@ module linkdyn_representatives
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: choose_poses, representative_motions
+    public :: choose_poses, set_in_motion, representative_motions
 
     integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
 
 contains
+
+    !> A block of poses, the last of them on the lanes left over, with rates and accelerations as chance has them.
+    pure subroutine set_in_motion(pose, first, q, qd, qdd)
+        real(wp), intent(in) :: pose(:, :)                      !! (n_q, n)
+        integer, intent(in) :: first                            !! on the first lane
+        real(wp), intent(out) :: q(:, :), qd(:, :)              !! (lane, n_q)
+        real(wp), intent(out), optional :: qdd(:, :)
+        integer :: lane, i, k
+
+        do lane = 1, lanes
+            i = min(first + lane - 1, size(pose, 2))
+            q(lane, :) = pose(:, i)
+            qd(lane, :) = [(modulo((i*size(q, 2) + k)*golden, 1.0_wp) - 0.5_wp, k=1, size(q, 2))]
+            if (present(qdd)) qdd(lane, :) = [(modulo((i*size(q, 2) + k)*golden + 0.3_wp, 1.0_wp) - 0.5_wp, k=1, size(q, 2))]
+        end do
+    end subroutine set_in_motion
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
     subroutine choose_poses(model, batch, pose, assembly, stand)

@@ -15,6 +15,7 @@ module linkdyn_simulator
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_inverse
+    use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -26,6 +27,7 @@ module linkdyn_simulator
         type(integrator_options) :: options
         type(integrator_type), allocatable :: integrator
         type(forward_system), pointer :: system => null()
+        type(shared_programs), pointer, private :: shared => null()    !! records of the model, wherever the mechanism is put
         real(wp), allocatable :: y(:, :)               !! state (lane, n)
         type(kink_list), private :: kinks
         real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
@@ -58,6 +60,7 @@ contains
         self%model%scene%actuator%drive%kind = drive_inverse
         self%options = options
         call prepare_kinematics(model, 0, self%scratch)
+        call hold_programs(self%shared)
         call self%set(t, q, qd, status)
     end subroutine open
 
@@ -73,6 +76,7 @@ contains
         call leave(self)
         allocate (self%system)
         self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
+        call hold_programs(self%system%shared, self%shared)
         call build_forward_system(self%model, 0, self%system, status)
         self%system%may_end = .false.
         self%system%lanes_are_one = .true.
@@ -205,6 +209,7 @@ contains
         class(simulator_type), intent(inout) :: self
 
         call leave(self)
+        call leave_programs(self%shared)
         if (associated(self%model)) deallocate (self%model)
     end subroutine close
 end module linkdyn_simulator

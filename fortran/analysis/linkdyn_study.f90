@@ -11,6 +11,7 @@ module linkdyn_study
         solver_lapack, solver_reduced, solver_gauss_jordan_plain, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
+    use linkdyn_shared_programs, only: hold_programs, leave_programs
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -152,8 +153,12 @@ contains
         options%integrator%method = method_gbs
         options%integrator%rtol = tightest
         options%integrator%atol = tightest
+        call hold_programs(options%shared)                ! one record for all
         call run_integrator(model, options, t, reference, seconds, n_taken, is_done, status)
-        if (.not. status%is_ok()) return
+        if (.not. status%is_ok()) then
+            call leave_programs(options%shared)
+            return
+        end if
         if (present(exact)) reference = exact
         do method = 1, size(method_name)
             options%integrator%method = method
@@ -171,6 +176,7 @@ contains
                 if (seconds > most_seconds) exit
             end do
         end do
+        call leave_programs(options%shared)
         if (size(growth) == 0) return
         if (median(growth) > unstable) tenfold = (t(size(t)) - t(2))/log10(median(growth))
     end subroutine study_forward

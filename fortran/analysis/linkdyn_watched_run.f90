@@ -88,12 +88,13 @@ contains
     end subroutine start_watched
 
     !> What companion i runs with.
-    pure function companion_options(options, i) result(own)
+    function companion_options(options, i) result(own)
         type(forward_options), intent(in) :: options
         integer, intent(in) :: i
         type(forward_options) :: own
 
         own = options
+        nullify (own%shared)                           ! of other numbers
         own%events_end = .false.
         own%integrator%step = own%integrator%step/step_part(i)    ! of adaptive methods the first one, from which the others grow
         own%integrator%rtol = other_tolerance(own%integrator%rtol, i)

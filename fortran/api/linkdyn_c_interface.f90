@@ -349,7 +349,10 @@ contains
         if (.not. ieee_is_finite(t)) call fail(status, status_bad_input, "t is not a finite number")
         options%t_start = t
         call read_run_settings(settings, options, wanted, status)
-        if (status%is_ok()) call start_run(scene%model, options, wanted, new, status)
+        if (status%is_ok()) then
+            options%shared => scene%shared
+            call start_run(scene%model, options, wanted, new, status)
+        end if
         if (status%is_ok()) then
             call take_run(new, started, status)
             call release_texts()

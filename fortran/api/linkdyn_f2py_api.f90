@@ -590,7 +590,10 @@ contains
             options%wants_rcond = wanted%rcond
             wanted%errors = has_errors == 1
         end if
-        if (status%code == 0) call start_run(scene%model, options, wanted, run_handle, status)
+        if (status%code == 0) then
+            options%shared => scene%shared
+            call start_run(scene%model, options, wanted, run_handle, status)
+        end if
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_forward

@@ -62,6 +62,7 @@ contains
         new%options = options
         new%wanted = wanted
         call begin(new, status)
+        nullify (new%options%shared)               ! a state that the run is set to later is another start
         thing => new
         if (status%is_ok()) call make_handle(thing, handle, status)
         if (status%is_ok()) return

@@ -13,6 +13,7 @@ module linkdyn_open_scene
     use linkdyn_results, only: layout_type, wanted_type, describe_results
     use linkdyn_scene, only: scene_type, load_spec, name_len, put_file_first
     use linkdyn_scene_reader, only: parse_scene, read_scene, check_actuators
+    use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted
@@ -31,6 +32,7 @@ module linkdyn_open_scene
         type(layout_type) :: run_layout                             !! and of forward dynamics
         !> without and with reactions, error estimates, rcond, distance; by solver
         type(solver_box) :: planned(2, 2, 2, 2, size(solver_name))
+        type(shared_programs), pointer :: shared => null()          !! by its forward runs
     contains
         procedure :: release => release_scene
     end type open_scene
@@ -182,16 +184,20 @@ contains
             new%layout = layout_of(new%model, all, .true., .false.)
             all%distance = .false.
             new%run_layout = layout_of(new%model, all, .true., .true.)
+            call hold_programs(new%shared)
             thing => new
             call make_handle(thing, handle, status)
         end if
-        if (.not. status%is_ok()) deallocate (new)
+        if (status%is_ok()) return
+        call leave_programs(new%shared)
+        deallocate (new)
     end subroutine plan_scene
 
     subroutine release_scene(self)
         class(open_scene), intent(inout) :: self
 
         call free_solvers(size(self%planned), self%planned)
+        call leave_programs(self%shared)
     end subroutine release_scene
 
     subroutine free_solvers(n, boxes)

@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
-    public :: keep_evaluated, count_passed, leaves_doubt, secant, branches_tried
+    public :: stand_there, keep_evaluated, count_passed, leaves_doubt, secant, branches_tried
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -78,6 +78,18 @@ contains
         allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
         assembly%column = 0
     end subroutine begin_assembly
+
+    !> Be where a state has been computed, far from the start: what is tried next sets out from there.
+    subroutine stand_there(model, state, assembly)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(carried_assembly), intent(inout) :: assembly
+
+        assembly%q = state%q
+        assembly%place = state%group%place
+        call measure_margins(model, state, assembly%margin, assembly%drift)
+        assembly%drift = 0
+    end subroutine stand_there
 
     !> Branches of the closed forms on which states are tried.
     pure function branches_tried(model, assembly) result(branch)

@@ -1,0 +1,76 @@
+!> What is traced of a mechanism that is set going, for all who set it going: made by the first who needs it, freed when the last one
+!> has left. Who holds it may come and go on any thread.
+module linkdyn_shared_programs
+    use linkdyn_equation_kernels, only: kernel_family, found_for_one, end_family
+    use linkdyn_lock, only: hold_lock, release_lock, hold_records, release_records
+    use linkdyn_model, only: model_type
+    use linkdyn_recorded_rates, only: recorded_rates, free_rates
+    implicit none (type, external)
+    private
+    public :: shared_programs, hold_programs, leave_programs, kernels_of
+
+    type :: shared_programs
+        type(recorded_rates), pointer :: rates => null()       !! null: nobody has needed them yet
+        type(recorded_rates), pointer :: of_motion => null()   !! for the forces that the scene's motion asks for; null: the same
+        logical :: agrees = .false.                            !! the rates are there, and are those that lanes find
+        type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
+        integer, private :: n_holder = 0                       !! changed under the lock alone
+    end type shared_programs
+
+contains
+
+    !> Hold programs: those of somebody else, or none yet.
+    subroutine hold_programs(mine, of_another)
+        type(shared_programs), pointer, intent(inout) :: mine     !! null before
+        type(shared_programs), pointer, intent(in), optional :: of_another
+
+        if (present(of_another)) mine => of_another
+        if (.not. associated(mine)) allocate (mine)
+        call hold_lock()
+        mine%n_holder = mine%n_holder + 1
+        call release_lock()
+    end subroutine hold_programs
+
+    !> Kernels of the equations of the one mechanism that all who hold these programs run; null: nobody shares any.
+    subroutine kernels_of(model, mine, kernels)
+        type(model_type), intent(in) :: model
+        type(shared_programs), pointer, intent(in) :: mine
+        type(kernel_family), pointer, intent(out) :: kernels
+
+        nullify (kernels)
+        if (.not. associated(mine)) return
+        call hold_records()
+        if (.not. associated(mine%kernels)) call found_for_one(model, mine%kernels)
+        kernels => mine%kernels
+        call release_records()
+    end subroutine kernels_of
+
+    !> The end of a use; nothing for whoever holds none.
+    subroutine leave_programs(mine)
+        type(shared_programs), pointer, intent(inout) :: mine
+        logical :: is_last
+
+        if (.not. associated(mine)) return
+        call hold_lock()
+        mine%n_holder = mine%n_holder - 1
+        is_last = mine%n_holder == 0
+        call release_lock()
+        if (is_last) then
+            call free(mine%rates)
+            call free(mine%of_motion)
+            call end_family(mine%kernels)
+            deallocate (mine)
+        end if
+        nullify (mine)
+
+    contains
+
+        subroutine free(recorded)
+            type(recorded_rates), pointer, intent(inout) :: recorded
+
+            if (.not. associated(recorded)) return
+            call free_rates(recorded)
+            deallocate (recorded)
+        end subroutine free
+    end subroutine leave_programs
+end module linkdyn_shared_programs
