@@ -1,7 +1,6 @@
 !> What a scene's records take, in words: operations of inverse dynamics from a motion to forces, and of forward dynamics from
 !> a state to accelerations, by kind.
 module linkdyn_explain_record
-    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_record, only: make_forward_rates
@@ -12,7 +11,7 @@ module linkdyn_explain_record
     use linkdyn_model, only: model_type
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
     use linkdyn_recorded_rates, only: recorded_rates, free_rates
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -24,15 +23,13 @@ contains
     subroutine explain_record(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit            !! open for formatted writing
-        real(wp), allocatable :: pose(:, :)
-        type(sample_assembly) :: assembly
-        real(wp) :: stand(3, 4, 0:model%n_link)
+        type(representative_poses) :: poses
 
         write (unit, "(/,a)") "Record of inverse dynamics"
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
+        call need_poses(model, spread(model%start_q, 2, 1), poses)
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
-        call explain_rates(model, unit)
+        call explain_rates(model, poses, unit)
 
     contains
 
@@ -41,7 +38,7 @@ contains
             integer, intent(in) :: wanted(:)
             type(recorded_forces) :: recorded
 
-            call record_forces(model, wanted, pose, stand, recorded, assembly%place)
+            call record_forces(model, wanted, poses%q, poses%stand, recorded, poses%assembly%place)
             if (recorded%is_usable) then
                 write (unit, "(2x,a)") what//": "//in_words(recorded%program%kernel)
             else if (size(wanted) > 1) then
@@ -52,8 +49,9 @@ contains
     end subroutine explain_record
 
     !> Of a scene that can run forward, by a record.
-    subroutine explain_rates(model, unit)
+    subroutine explain_rates(model, poses, unit)
         type(model_type), intent(in) :: model
+        type(representative_poses), intent(inout) :: poses
         integer, intent(in) :: unit
         type(unknown_choice) :: unknown
         type(state_layout) :: layout
@@ -64,7 +62,7 @@ contains
         if (.not. status%is_ok()) return
         if (.not. any(unknown%acceleration)) return
         call plan_layout(model, unknown%acceleration, layout)
-        call make_forward_rates(model, layout, unknown, .true., recorded)
+        call make_forward_rates(model, layout, unknown, .true., poses, recorded)
         if (recorded%is_usable) then
             write (unit, "(/,a)") "Record of forward dynamics"
             write (unit, "(2x,a)") "rates: "//in_words(recorded%program%kernel)

@@ -1,6 +1,5 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
-    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: branches_tried, stand_there
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
@@ -8,10 +7,10 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_lock, only: hold_records, release_records
-    use linkdyn_motion_forces, only: record_motion_forces
+    use linkdyn_motion_forces, only: record_motion_forces, is_motion_of
     use linkdyn_motor_states, only: drive_record_by_motors
-    use linkdyn_representatives, only: choose_poses, set_in_motion
-    use linkdyn_shared_programs, only: hold_programs
+    use linkdyn_representatives, only: representative_poses, set_in_motion
+    use linkdyn_shared_programs, only: shared_programs, hold_programs
     use linkdyn_stage_places, only: forget_stages
     implicit none (type, external)
 
@@ -25,19 +24,34 @@ contains
         associate (shared => self%shared)
             if (.not. associated(shared%rates)) then
                 allocate (shared%rates)
-                call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%rates)
+                call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
+                                        shared%rates)
                 call use_forward_rates(self%model, shared%rates, self%record)
-                if (shared%rates%is_usable) shared%agrees = agrees_with_lanes(self, t)
+                if (shared%rates%is_usable) shared%agrees = agrees_with_lanes(self, t, shared%poses%q)
                 call forget_stages(self%record%stage)
             else
                 call use_forward_rates(self%model, shared%rates, self%record)
             end if
             self%may_record = shared%agrees
-            if (self%may_record) call record_motion_forces(t, self%of_motion, shared%of_motion)
+            if (self%may_record) call record_motion(self, t, shared)
         end associate
         call release_records()
         if (self%may_record) call help_lanes(self)
     end procedure make_record
+
+    !> Forces of the scene's motion by a record, too; where coordinates stand in for others it is another model that the motion is of.
+    subroutine record_motion(self, t, shared)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        type(shared_programs), intent(inout) :: shared
+        type(representative_poses) :: poses
+
+        if (is_motion_of(self%of_motion, self%model)) then
+            call record_motion_forces(t, self%of_motion, shared%poses, shared%of_motion)
+        else
+            call record_motion_forces(t, self%of_motion, poses, shared%of_motion)
+        end if
+    end subroutine record_motion
 
     !> Groups are closed by the record's programs where lanes look at a state, too.
     subroutine help_lanes(self)
@@ -87,13 +101,12 @@ contains
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.
-    logical function agrees_with_lanes(self, t) result(agrees)
+    logical function agrees_with_lanes(self, t, pose) result(agrees)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: pose(:, :)             !! representative ones (n_q, n)
         type(carried_assembly) :: carried
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: y(lanes, self%n), by_lanes(lanes, self%n), by_record(lanes, self%n), stand(3, 4, 0:self%model%n_link)
+        real(wp), dimension(lanes, self%n) :: y, by_lanes, by_record
         real(wp), dimension(lanes, self%model%n_q) :: q, qd
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
@@ -107,7 +120,6 @@ contains
         self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
-        call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, assembly, stand)
         n_compared = 0
         n_alike = 0
         do first = 1, size(pose, 2), lanes

@@ -25,7 +25,7 @@ module linkdyn_forward_record
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_uncertainty, only: is_surely_certain
@@ -87,19 +87,17 @@ contains
     end function evaluations_on_lanes
 
     !> Trace the scene; ask `recorded%is_usable` whether that has served.
-    subroutine make_forward_rates(model, layout, unknown, wants_power, recorded)
+    subroutine make_forward_rates(model, layout, unknown, wants_power, poses, recorded)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         type(unknown_choice), intent(in) :: unknown
         logical, intent(in) :: wants_power             !! else powers are zero
+        type(representative_poses), intent(inout) :: poses
         type(recorded_rates), intent(out) :: recorded
         type(trace_request) :: request
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:model%n_link)
 
         if (.not. can_be_recorded(model, layout)) return
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
+        call need_poses(model, spread(model%start_q, 2, 1), poses)
         request%by_quaternion = any(layout%quaternion > 0)
         allocate (request%has_load(6, model%n_load))
         request%has_load = .true.
@@ -107,11 +105,14 @@ contains
         request%has_friction = size(model%contact) > 0
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
-        call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, recorded)
+        call record_rates(model, request, wants_power, representatives(model, layout, poses%q, poses%assembly), &
+                          poses%stand, recorded)
         if (recorded%is_usable .and. places_groups(recorded)) then
             ! from coordinates alone
-            if (model%n_attitude == 0) call make_closing_programs( &
-                model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), recorded%closing)
+            associate (n => size(poses%q, 2), there => poses%assembly)
+                if (model%n_attitude == 0) call make_closing_programs(model, poses%q, there%place(:, :, :n), there%margin(:, :n), &
+                                                                      recorded%closing)
+            end associate
             recorded%is_usable = recorded%closing%is_usable
         end if
         call release_texts()

@@ -1,6 +1,5 @@
 !> `linkdyn generate`: a kernel of a scene as a C file and its header.
 module linkdyn_generate
-    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_c_files, only: controller_code, write_header, write_source
     use linkdyn_c_words, only: c_identifier
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_joint_variable, result_joint_rate, result_qdd, &
@@ -22,7 +21,7 @@ module linkdyn_generate
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_recorded_forces, only: prepare_forces
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
     use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, n_clutch, has_hard_stops
@@ -176,14 +175,12 @@ contains
         type(model_type), target :: own
         type(trace_request) :: request
         type(sample_set) :: sample
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:model%n_link)
+        type(representative_poses) :: poses
         logical :: is_planned
 
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
-        call prepare_forces(model, pose, stand, own, request, sample, is_planned, assembly%place)
-        if (size(pose, 2) == 0) then
+        call need_poses(model, spread(model%start_q, 2, 1), poses)
+        call prepare_forces(model, poses%q, poses%stand, own, request, sample, is_planned, poses%assembly%place)
+        if (size(poses%q, 2) == 0) then
             call refuse("at no position near its start or motion can it be assembled", status)
         else if (.not. is_planned) then
             call refuse("its record cannot be planned as the scene is", status)

@@ -47,7 +47,7 @@ module linkdyn_inverse
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
@@ -63,10 +63,11 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver, are_alike, look_for_record
+    public :: solver_name, choose_solver, are_alike, look_for_record, samples_to_come
 
-    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without.
-    integer, parameter :: worth_closing = 256
+    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for the
+    !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
+    integer, parameter :: worth_closing = 256, samples_to_come = worth_closing
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
     type :: inverse_options
@@ -116,6 +117,7 @@ module linkdyn_inverse
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
         type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
+        type(representative_poses), pointer :: poses => null()  !! of both; there if one of them is
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
@@ -188,6 +190,7 @@ contains
         end if
         ! whatever is asked of the equations, the way to them is the same
         if (options%by_record .and. size(model%group) > 0) allocate (solver%closing)
+        if (associated(solver%records) .or. associated(solver%closing)) allocate (solver%poses)
     end subroutine prepare_inverse
 
     !> Give the scratch back. No batch may be running.
@@ -209,6 +212,7 @@ contains
             call self%closing%free()
             deallocate (self%closing)
         end if
+        if (associated(self%poses)) deallocate (self%poses)
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
             space => self%pool%first
@@ -783,22 +787,22 @@ contains
 
         nullify (closer)
         call hold_records()
-        if (.not. solver%closing%is_tried) call make_closer(model, q, solver%closing)
+        if (.not. solver%closing%is_tried) call make_closer(model, q, solver%poses, solver%closing)
         call release_records()
         if (solver%closing%is_usable) closer => solver%closing
     end subroutine need_closer
 
-    subroutine make_closer(model, q, closing)
+    subroutine make_closer(model, q, poses, closing)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(representative_poses), intent(inout) :: poses
         type(closing_programs), intent(inout) :: closing
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:model%n_link)
 
-        call choose_poses(model, q, pose, assembly, stand)
+        call need_poses(model, q, poses)
         call hold_texts()
-        call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), closing)
+        associate (n => size(poses%q, 2), there => poses%assembly)
+            call make_closing_programs(model, poses%q, there%place(:, :, :n), there%margin(:, :n), closing)
+        end associate
         call release_texts()
     end subroutine make_closer
 
@@ -809,21 +813,19 @@ contains
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
         type(recorded_margins) :: margins
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:model%n_link)
 
         recorded => solver%records%add()
-        call choose_poses(model, q, pose, assembly, stand)
+        call need_poses(model, q, solver%poses)
         call hold_texts()
-        call record_forces(model, wanted, pose, stand, recorded, assembly%place, solver%equations%solver == solver_reduced)
+        call record_forces(model, wanted, solver%poses%q, solver%poses%stand, recorded, solver%poses%assembly%place, &
+                           solver%equations%solver == solver_reduced)
         call release_texts()
         if (.not. recorded%is_usable) return
         if (any(wanted == of_margins(1))) then
             margins%record => recorded
-            recorded%is_usable = judges_like_lanes(model, margins, pose)
+            recorded%is_usable = judges_like_lanes(model, margins, solver%poses%q)
         else
-            recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose, assembly)
+            recorded%is_usable = agrees_with_lanes(model, solver, recorded, solver%poses%q, solver%poses%assembly)
         end if
     end subroutine make_record
 

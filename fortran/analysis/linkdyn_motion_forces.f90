@@ -3,7 +3,6 @@
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
         stand_there, branches_tried
     use linkdyn_equation_kernels, only: kernel_family
@@ -20,13 +19,14 @@ module linkdyn_motion_forces
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
     use linkdyn_recorded_rates, only: recorded_rates, run_rates
-    use linkdyn_representatives, only: choose_poses, set_in_motion
+    use linkdyn_representatives, only: representative_poses, set_in_motion
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
     private
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, forget_forces, &
-        find_motion_forces, record_motion_forces, free_motion_forces, measure_motion
+        find_motion_forces, record_motion_forces, is_motion_of, &
+        free_motion_forces, measure_motion
 
     type :: motion_forces
         logical :: is_needed = .false.
@@ -63,6 +63,14 @@ contains
         call plan_layout(model, spread(.false., 1, model%n_q), forces%layout)
         allocate (forces%force(lanes, model%n_actuator), source=0.0_wp)
     end subroutine plan_motion_forces
+
+    !> Is it this model whose coordinates the motion speaks of?
+    pure logical function is_motion_of(forces, model)
+        type(motion_forces), intent(in) :: forces
+        type(model_type), intent(in), target :: model
+
+        is_motion_of = associated(forces%model, model)
+    end function is_motion_of
 
     !> Begin at t on the assembly of the scene's start.
     subroutine begin_motion_forces(t, forces)
@@ -184,9 +192,10 @@ contains
     ! ---------------------------------------------------------------- by a record
 
     !> Use a record from now on, if the scene has one that finds what the lanes find; it is made if nobody has.
-    subroutine record_motion_forces(t, forces, recorded)
+    subroutine record_motion_forces(t, forces, poses, recorded)
         real(wp), intent(in) :: t                      !! [s]
         type(motion_forces), intent(inout) :: forces
+        type(representative_poses), intent(inout) :: poses
         type(recorded_rates), pointer, intent(inout) :: recorded    !! null: not made yet; must outlive the forces
         type(unknown_choice) :: unknown
         logical :: is_new
@@ -197,27 +206,25 @@ contains
             unknown%acceleration = spread(.false., 1, forces%model%n_q)
             unknown%drive = spread(.true., 1, forces%model%n_actuator)
             allocate (recorded)
-            call make_forward_rates(forces%model, forces%layout, unknown, .false., recorded)
+            call make_forward_rates(forces%model, forces%layout, unknown, .false., poses, recorded)
         end if
         call use_forward_rates(forces%model, recorded, forces%record)
-        if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, forces)
+        if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, poses%q, forces)
         forces%has_record = recorded%is_usable
     end subroutine record_motion_forces
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect, and the
     !> lanes are believed.
-    logical function agrees_with_lanes(t, forces) result(agrees)
+    logical function agrees_with_lanes(t, pose, forces) result(agrees)
         real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: pose(:, :)             !! representative ones (n_q, n)
         type(motion_forces), intent(inout) :: forces
         type(carried_assembly) :: carried
-        type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:forces%model%n_link), by_record(lanes, size(forces%force, 2))
+        real(wp) :: by_record(lanes, size(forces%force, 2))
         integer :: first, lane, n_compared, n_alike
 
         carried = forces%assembly
         call begin_assembly(forces%model, t, forces%assembly)
-        call choose_poses(forces%model, spread(forces%model%start_q, 2, 1), pose, assembly, stand)
         n_compared = 0
         n_alike = 0
         associate (model => forces%model, state => forces%workspace%state)

@@ -15,9 +15,16 @@ module linkdyn_representatives
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: choose_poses, set_in_motion, representative_motions
+    public :: representative_poses, need_poses, set_in_motion, representative_motions
 
     integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
+
+    !> Poses that stand for a scene, and how it is assembled there. Chosen once: groups closed by iteration are led to each from the start.
+    type :: representative_poses
+        real(wp), allocatable :: q(:, :)                        !! (n_q, n), n at most n_wanted_pose; not allocated: not chosen yet
+        type(sample_assembly) :: assembly                       !! there
+        real(wp), allocatable :: stand(:, :, :)                 !! axes and origins of the links at the first (3, 4, 0:n_link)
+    end type representative_poses
 
 contains
 
@@ -37,6 +44,17 @@ contains
         end do
     end subroutine set_in_motion
 
+    !> Choose the poses, unless that is done.
+    subroutine need_poses(model, batch, poses)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
+        type(representative_poses), intent(inout) :: poses
+
+        if (allocated(poses%q)) return
+        allocate (poses%stand(3, 4, 0:model%n_link))
+        call choose_poses(model, batch, poses%q, poses%assembly, poses%stand)
+    end subroutine need_poses
+
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
     subroutine choose_poses(model, batch, pose, assembly, stand)
         type(model_type), intent(in) :: model
@@ -54,7 +72,7 @@ contains
         call prepare_kinematics(model, 0, state)
         do attempt = 1, 2
             do block = 1, 8*n_wanted_pose/lanes + 8
-                call representative_poses(model, block, state)
+                call candidate_poses(model, block, state)
                 call add_poses(must_be_clear=attempt == 1)
                 if (size(pose, 2) == n_wanted_pose) return
             end do
@@ -130,7 +148,7 @@ contains
             integer :: block, lane
 
             do block = 1, 8*n_wanted_pose/lanes + 8
-                call representative_poses(model, block, state)
+                call candidate_poses(model, block, state)
                 call evaluate_kinematics(model, state)
                 is_clear = .not. state%unreachable
                 if (must_be_clear) is_clear = is_clear .and. stands_clear(model, state)
@@ -167,7 +185,7 @@ contains
 
     !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
     !> no entry is small merely because the motion is special.
-    subroutine representative_poses(model, block, state)
+    subroutine candidate_poses(model, block, state)
         type(model_type), intent(in) :: model
         integer, intent(in) :: block
         type(kinematic_state), intent(inout) :: state
@@ -189,7 +207,7 @@ contains
         end do
         state%qd = 0
         state%qdd = 0
-    end subroutine representative_poses
+    end subroutine candidate_poses
 
     !> A length typical of the scene: the largest distance of a marker from the origin of its link.
     pure real(wp) function scene_size(model)

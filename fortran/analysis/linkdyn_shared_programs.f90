@@ -5,6 +5,7 @@ module linkdyn_shared_programs
     use linkdyn_lock, only: hold_lock, release_lock, hold_records, release_records
     use linkdyn_model, only: model_type
     use linkdyn_recorded_rates, only: recorded_rates, free_rates
+    use linkdyn_representatives, only: representative_poses
     implicit none (type, external)
     private
     public :: shared_programs, hold_programs, leave_programs, kernels_of
@@ -13,6 +14,7 @@ module linkdyn_shared_programs
         type(recorded_rates), pointer :: rates => null()       !! null: nobody has needed them yet
         type(recorded_rates), pointer :: of_motion => null()   !! for the forces that the scene's motion asks for; null: the same
         logical :: agrees = .false.                            !! the rates are there, and are those that lanes find
+        type(representative_poses) :: poses                    !! of the mechanism
         type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
         integer, private :: n_holder = 0                       !! changed under the lock alone
     end type shared_programs

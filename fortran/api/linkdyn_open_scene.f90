@@ -6,7 +6,7 @@ module linkdyn_open_scene
     use linkdyn_builder, only: build_model
     use linkdyn_force_map, only: typical_length
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
-    use linkdyn_inverse, only: inverse_options, inverse_solver, prepare_inverse, solver_name
+    use linkdyn_inverse, only: inverse_options, inverse_solver, prepare_inverse, solver_name, samples_to_come
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, dyad_names
@@ -142,7 +142,7 @@ contains
         allocate (new)
         call hold_texts()
         call check_actuators(scene%model%scene, status)
-        if (status%is_ok()) call prepare_inverse(scene%model, options, wants_reactions, new, status)
+        if (status%is_ok()) call prepare_inverse(scene%model, to_be_kept(options), wants_reactions, new, status)
         call release_texts()
         call hold_lock()
         if (status%is_ok() .and. .not. associated(box%solver)) then
@@ -155,6 +155,15 @@ contains
         call new%free()
         deallocate (new)
     end subroutine find_solver
+
+    !> Of a solver that other calls will use.
+    function to_be_kept(options) result(kept)
+        type(inverse_options), intent(in) :: options
+        type(inverse_options) :: kept
+
+        kept = options
+        kept%n_expected = max(options%n_expected, samples_to_come)
+    end function to_be_kept
 
     !> Dimensions and variables of some results.
     function layout_of(model, wanted, has_time, is_forward) result(layout)

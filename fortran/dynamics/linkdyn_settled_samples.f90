@@ -45,6 +45,7 @@ contains
         type(sample_assembly), intent(out) :: assembly
         class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
         real(wp), parameter :: part(2) = [0.5_wp, 0.1_wp]    !! of a stride: how far nodes are apart
+        integer, parameter :: many = 256             !! samples: of fewer each is led there alone, so that no bit depends on the others
         class(group_closer), pointer :: steps
         real(wp), allocatable :: least(:, :)
         logical, dimension(size(q, 2)) :: is_settled, is_promising
@@ -54,7 +55,7 @@ contains
         if (present(closer)) steps => closer
         call make_room(model, size(q, 2), assembly)
         is_settled = .false.
-        is_promising = associated(steps)
+        is_promising = associated(steps) .and. size(q, 2) >= many
         do i = 1, size(part)
             if (any(is_promising)) call settle_about_nodes(model, threads, q, part(i), steps, assembly, is_promising, is_settled)
         end do

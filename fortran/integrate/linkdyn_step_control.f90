@@ -39,7 +39,7 @@ module linkdyn_step_control
     !> nearer to a rough place in short steps has it worse before him, and each length has its stages elsewhere.
     real(wp), parameter :: stretch(18) = [1.0_wp, 1.12_wp, 1.26_wp, 1.41_wp, 1.58_wp, 1.78_wp, 2.0_wp, 2.24_wp, 2.52_wp, 2.83_wp, &
                                           3.2_wp, 4.0_wp, 5.0_wp, 6.4_wp, 0.8_wp, 0.6_wp, 0.45_wp, 0.3_wp]
-    integer, parameter :: n_longer = 14
+    integer, parameter :: n_longer = 14, most_worse = 4
     !> An error is rounding if copies that round otherwise differ from it by a third of it.
     real(wp), parameter :: explained = 3
     !> Error over the allowed one that a step has hardly ever if it is as long as the last one's error said it might be.
@@ -101,6 +101,8 @@ module linkdyn_step_control
         logical, private :: is_rough = .false.         !! an error was rounding
         logical, private :: has_broken_law = .false.   !! the last trial
         real(wp), private :: best_score = 0            !! least error
+        integer, private :: n_worse = 0                !! lengths tried in turn whose errors grow and are no rounding
+        real(wp), private :: part_before = 0           !! error of the last of them, over what is allowed
         type(trial_type), private :: best              !! with it
         real(wp), allocatable, private :: best_rough(:)    !! what rounding makes of that (n)
     contains
@@ -427,7 +429,7 @@ contains
         real(wp), intent(in) :: longest                !! that a step may be
         integer, intent(out) :: outcome
         real(wp) :: rough(size(self%y))
-        logical :: is_known
+        logical :: is_known, is_better
 
         outcome = step_paused                          ! go on
         if (self%i_stretch == 0) then
@@ -449,14 +451,20 @@ contains
                 if (.not. self%is_rough) return
             end if
             self%best_score = huge(1.0_wp)
+            self%n_worse = 0
+            ! Good enough if no longer one is better: nearer to the rough place short steps have it worse.
+            if (self%is_rough) call compare_with_best(self, system, trial, rough, is_better)
+            is_better = .false.
         else
-            call consider(self, system, trial)
+            call consider(self, system, trial, is_better)
             if (is_interrupted()) return
         end if
-        if (self%is_rough .and. (self%best_score <= unexpected &
-                                 .or. (self%i_stretch >= n_longer .and. self%best_score < huge(1.0_wp)))) then
-            call keep_best(self, outcome)
-            return
+        if (self%is_rough .and. self%best_score < huge(1.0_wp)) then
+            if ((is_better .and. self%best_score <= unexpected) .or. self%i_stretch >= n_longer &
+                .or. self%n_worse >= most_worse) then
+                call keep_best(self, outcome)
+                return
+            end if
         end if
         do while (self%i_stretch < size(stretch))
             self%i_stretch = self%i_stretch + 1
@@ -471,25 +479,45 @@ contains
     end subroutine refuse
 
     !> Is a step better than the others tried?
-    subroutine consider(self, system, trial)
+    subroutine consider(self, system, trial, is_better)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         type(trial_type), intent(inout) :: trial
-        real(wp) :: rough(size(self%y)), score
-        logical :: is_known
+        logical, intent(out) :: is_better
+        real(wp) :: rough(size(self%y))
+        logical :: is_known, is_explained
 
+        is_better = .false.
         if (trial%has_failed) return
         call measure_rounding(self, system, trial, rough, is_known)
         if (is_interrupted() .or. .not. is_known) return
-        self%is_rough = self%is_rough .or. (is_rounding(self, trial, rough) .and. .not. system%has_jumped)
+        is_explained = is_rounding(self, trial, rough)
+        self%is_rough = self%is_rough .or. (is_explained .and. .not. system%has_jumped)
+        ! Errors that grow with the length, and are no rounding, go on to.
+        if (is_explained .or. (self%n_worse > 0 .and. trial%part < self%part_before)) self%n_worse = 0
+        if (.not. is_explained) self%n_worse = self%n_worse + 1
+        self%part_before = trial%part
+        call compare_with_best(self, system, trial, rough, is_better)
+    end subroutine consider
+
+    subroutine compare_with_best(self, system, trial, rough, is_better)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(inout) :: trial
+        real(wp), intent(in) :: rough(:)               !! what rounding makes of its error (n)
+        logical, intent(out) :: is_better
+        real(wp) :: score
+
         score = max(trial%part, maxval(rough/trial%allowed))
-        if (.not. score < self%best_score) return
+        is_better = score < self%best_score
+        if (.not. is_better) return
         call look_at_end(self, system, trial)
-        if (trial%has_failed) return
+        is_better = .not. trial%has_failed
+        if (.not. is_better) return
         self%best_score = score
         self%best = trial
         self%best_rough = rough
-    end subroutine consider
+    end subroutine compare_with_best
 
     !> Does rounding explain the error of a step? Not of one that has hit upon nothing of the solution: whatever is done to that
     !> changes it.
