@@ -6,7 +6,7 @@ module test_newton_groups
     use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, follow_assembly, reached_crossing
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -364,10 +364,10 @@ contains
         type(scene_type) :: scene
         type(status_type) :: status
         type(model_type) :: model
-        type(sample_assembly) :: chosen, by_lanes, by_strides
+        type(representative_poses) :: poses
+        type(sample_assembly) :: by_lanes, by_strides
         type(recorded_forces), target :: recorded
         type(closing_programs), target :: closing
-        real(wp), allocatable :: pose(:, :), stand(:, :, :)
         integer :: i, s, n_reached, n_lost, n_crossed
 
         n_reached = 0
@@ -378,11 +378,12 @@ contains
             if (status%is_ok()) call build_model(scene, model, status)
             call check(error, status%is_ok(), trim(status%message))
             if (.not. status%is_ok()) return
-            if (allocated(stand)) deallocate (stand)
-            allocate (stand(3, 4, 0:model%n_link))
-            call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand)
-            call make_closing_programs(model, pose, chosen%place(:, :, :size(pose, 2)), chosen%margin(:, :size(pose, 2)), closing)
-            if (model%n_branch > 0) call record_forces(model, of_margins, pose, stand, recorded, chosen%place)
+            poses = representative_poses()
+            call need_poses(model, spread(model%start_q, 2, 1), poses)
+            associate (m => size(poses%q, 2), there => poses%assembly)
+                call make_closing_programs(model, poses%q, there%place(:, :, :m), there%margin(:, :m), closing)
+                if (model%n_branch > 0) call record_forces(model, of_margins, poses%q, poses%stand, recorded, there%place)
+            end associate
             if (closing%is_usable) then
                 call follow_both(random_walk(model%start_q, n, 0.0005_wp))
                 call follow_both(random_walk(model%start_q, n, 0.03_wp))

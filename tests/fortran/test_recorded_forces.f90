@@ -6,7 +6,7 @@ module test_recorded_forces
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_curve, only: make_curve
-    use linkdyn_representatives, only: choose_poses
+    use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_inverse_results, only: list_results
     use linkdyn_kinds, only: wp
@@ -107,9 +107,9 @@ contains
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
         type(assembly_trail) :: trail(2)
-        type(sample_assembly) :: assembly(2), chosen
-        real(wp), allocatable :: q(:, :), pose(:, :)
-        real(wp) :: stand(3, 4, 0:20)
+        type(sample_assembly) :: assembly(2)
+        type(representative_poses) :: poses
+        real(wp), allocatable :: q(:, :)
         integer, parameter :: n = 300, first = 200     ! not whole numbers of strides
         character(len=len(example)) :: name
         integer :: i, scale, n_lost, n_crossed
@@ -127,13 +127,14 @@ contains
             end if
             if (allocated(error%message)) return
             if (model%n_branch == 0) cycle
-            call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand(:, :, :model%n_link))
-            call record_forces(model, of_margins, pose, stand(:, :, :model%n_link), recorded, chosen%place)
+            poses = representative_poses()
+            call need_poses(model, spread(model%start_q, 2, 1), poses)
+            call record_forces(model, of_margins, poses%q, poses%stand, recorded, poses%assembly%place)
             by_record%record => recorded
             margins => by_record
             call check(error, recorded%is_usable, trim(name)//": there is a record of margins")
             if (.not. recorded%is_usable) cycle
-            call check(error, judges_like_lanes(model, margins, pose), trim(name)//": margins as in lanes")
+            call check(error, judges_like_lanes(model, margins, poses%q), trim(name)//": margins as in lanes")
             do scale = 0, 2, 2
                 q = random_walk(model%start_q, n, 0.003_wp*6.0_wp**scale)
                 trail = assembly_trail()
@@ -620,12 +621,10 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)
         type(recorded_forces) :: recorded
-        real(wp), allocatable :: pose(:, :)
-        type(sample_assembly) :: assembly
-        real(wp) :: stand(3, 4, 0:model%n_link)
+        type(representative_poses) :: poses
 
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
-        call record_forces(model, wanted, pose, stand, recorded, assembly%place)
+        call need_poses(model, spread(model%start_q, 2, 1), poses)
+        call record_forces(model, wanted, poses%q, poses%stand, recorded, poses%assembly%place)
         operations = huge(1)
         if (recorded%is_usable) operations = size(recorded%program%kernel%step)
         call free_recorded(recorded)
