@@ -276,8 +276,25 @@ contains
                 found%drift(:, :model%n_branch) = 0
             end if
             found%is_closed = .not. (state%unreachable .or. state%not_converged)
+            do g = 1, size(model%group)
+                found%speed(:, model%n_branch + g) = speed_of_group(model, state, g)
+            end do
         end associate
     end subroutine try_on_way
+
+    !> Rate of the group's fastest link on the way: the largest of its components, lengths and angles alike.
+    function speed_of_group(model, state, g) result(speed)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: g
+        real(wp) :: speed(lanes)
+        integer :: i
+
+        speed = 0
+        do i = 1, size(model%group(g)%link)
+            speed = max(speed, maxval(abs(place_rates(model, state, model%group(g)%link(i), level_velocity)), dim=2))
+        end do
+    end function speed_of_group
 
     !> Orientations given by quaternions, on the way.
     subroutine turn_attitudes(self, part)

@@ -33,7 +33,7 @@ module linkdyn_following
     real(wp), parameter :: look_ahead = 1.5_wp      !! steps: a singular position at the very end of one must not be missed
     real(wp), parameter :: nearest_try = 0.6_wp     !! of the distance to where a margin would vanish: just less than 1/look_ahead
     real(wp), parameter :: same_margin = 5.0_wp     !! a margin beyond a change point and that before it differ less
-    real(wp), parameter :: same_slope = 3.0_wp      !! so do its slopes near a change point and at it
+    real(wp), parameter :: same_slope = 3.0_wp      !! so do its slopes near a change point and at it, and the links' speeds
     real(wp), parameter :: well_told = 10.0_wp      !! margins: from so many least ones on they and their slopes are reliable
     real(wp), parameter :: least_step = 16*epsilon(1.0_wp)    !! of the way
 
@@ -50,6 +50,7 @@ module linkdyn_following
         logical :: is_closed(lanes) = .false.       !! by corrections that shrink as they must
         real(wp), allocatable :: margin(:, :)       !! smallest singular value of each map, signed: +, - assemblies (lane, n_map)
         real(wp), allocatable :: drift(:, :)        !! its rate, per whole way                                      (lane, n_map)
+        real(wp), allocatable :: speed(:, :)        !! of the fastest link that the map places, likewise; 0: not told (lane, n_map)
     end type footing
 
     !> A mechanism that stands on a straight way on every lane, and may be tried further on.
@@ -102,6 +103,7 @@ contains
         logical, dimension(lanes) :: is_sound, is_first, is_at_limit
         real(wp), dimension(lanes) :: target, step
         real(wp) :: slope(lanes, size(self%least_margin))   !! of the margins, where they could still be told well; 0: never
+        real(wp) :: pace(lanes, size(self%least_margin))    !! of the links, likewise
         real(wp) :: side(lanes, size(self%least_margin))    !! the margins that could be told last; 0: none
         integer :: n, lane, most(lanes)
 
@@ -109,10 +111,12 @@ contains
         allocate (report%least(lanes, size(self%least_margin)), source=huge(1.0_wp))
         if (.not. any(goes)) return
         allocate (stands%margin(lanes, size(self%least_margin)), stands%drift(lanes, size(self%least_margin)))
+        allocate (stands%speed(lanes, size(self%least_margin)), source=0.0_wp)
         tried = stands
         is_crossing = .false.
         is_first = .true.
         slope = 0
+        pace = 0
         side = 0
         step = min(1.0_wp, stride)
         call self%try(report%reached, is_crossing, stands)
@@ -176,9 +180,13 @@ contains
             report%least(lane, :) = min(report%least(lane, :), abs(stands%margin(lane, :)))
             call note_side(side(lane, :), tried%margin(lane, :), self%least_margin, is_crossing(lane, :))
             stands%drift(lane, :) = tried%drift(lane, :)
+            stands%speed(lane, :) = tried%speed(lane, :)
             report%reached(lane) = target(lane)
             report%map(lane) = 0
-            where (abs(stands%margin(lane, :)) >= well_told*self%least_margin) slope(lane, :) = abs(stands%drift(lane, :))
+            where (abs(stands%margin(lane, :)) >= well_told*self%least_margin)
+                slope(lane, :) = abs(stands%drift(lane, :))
+                pace(lane, :) = stands%speed(lane, :)
+            end where
             if (target(lane) < 1) return
             report%outcome(lane) = way_arrived
             if (all(abs(stands%margin(lane, :)) > self%least_margin)) return
@@ -186,14 +194,16 @@ contains
             report%map(lane) = minloc(abs(stands%margin(lane, :))/self%least_margin, 1)
         end subroutine go_on
 
-        !> Nothing closes beyond, or not as a crossing would. Towards the end of an assembly the margin goes as the root of the
-        !> distance, ever more steeply, while one that is crossed keeps its slope.
+        !> Nothing closes beyond, or not as a crossing would. Towards the end of an assembly links move without bound, and the margin goes
+        !> as the root of the distance, ever more steeply, unless places grow without bound, too, as those of slides along axes that become
+        !> parallel; where one is crossed both keep their slopes.
         subroutine give_up_crossing(lane)
             integer, intent(in) :: lane
             logical :: grows
 
             associate (m => report%map(lane))
-                grows = slope(lane, m) > 0 .and. abs(stands%drift(lane, m)) > same_slope*slope(lane, m)
+                grows = (slope(lane, m) > 0 .and. abs(stands%drift(lane, m)) > same_slope*slope(lane, m)) &
+                        .or. (pace(lane, m) > 0 .and. stands%speed(lane, m) > same_slope*pace(lane, m))
             end associate
             report%outcome(lane) = merge(way_ends, way_forks, grows .or. .not. tried%is_closed(lane))
         end subroutine give_up_crossing
