@@ -46,6 +46,8 @@ module linkdyn_step_control
     real(wp), parameter :: unexpected = 4
     !> Steps that much shorter than the longest so far are looked at more closely.
     real(wp), parameter :: suspicious = 1.0e-3_wp
+    !> Steps that much shorter have come to a rough place; where rounding is all that there is they are as long as others.
+    real(wp), parameter :: creeping = 1.0e-2_wp
     !> Part of a step over which what differs is rounding. A place that rounds to the same values is much shorter, and one that
     !> makes errors by itself longer, or no step would ever have met it.
     real(wp), parameter :: little = 1.0e-6_wp
@@ -452,8 +454,10 @@ contains
             end if
             self%best_score = huge(1.0_wp)
             self%n_worse = 0
-            ! Good enough if no longer one is better: nearer to the rough place short steps have it worse.
-            if (self%is_rough) call compare_with_best(self, system, trial, rough, is_better)
+            ! Good enough if no longer one is better, unless it is one of those that come ever nearer to a rough place and have it
+            ! worse there.
+            if (self%is_rough .and. trial%step > creeping*self%longest) &
+                call compare_with_best(self, system, trial, rough, is_better)
             is_better = .false.
         else
             call consider(self, system, trial, is_better)
