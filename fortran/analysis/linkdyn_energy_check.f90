@@ -86,8 +86,9 @@ contains
         type(energy_check), intent(inout) :: check
         real(wp), intent(out) :: part
         real(wp), parameter :: many = 10               !! errors in a row, of one sign
+        real(wp), parameter :: rounding = 64           !! units in the last place that a sum over all links loses
         integer, parameter :: n_nudge = 3
-        real(wp) :: changed(size(y), 0:n_nudge + size(y)), surplus(0:n_nudge + size(y)), noise
+        real(wp) :: changed(size(y), 0:n_nudge + size(y)), surplus(0:n_nudge + size(y)), scale, noise
         integer :: k
 
         changed = spread(y, 2, size(surplus))
@@ -97,8 +98,9 @@ contains
         do k = 1, size(y)
             changed(k, n_nudge + k) = y(k) + error(k)
         end do
-        call find_surplus(model, layout, t, changed, turns, assembly, surplus)
-        noise = maxval(abs(surplus(1:n_nudge) - surplus(0)))
+        call find_surplus(model, layout, t, changed, turns, assembly, surplus, scale)
+        ! coordinates that are driven are not nudged: where all are, only their rounding is there to be seen
+        noise = max(maxval(abs(surplus(1:n_nudge) - surplus(0))), rounding*epsilon(1.0_wp)*scale)
         part = abs(surplus(0) - check%surplus(1)) &
                /max(many*(sum(abs(surplus(n_nudge + 1:) - surplus(0))) + noise + check%noise), tiny(1.0_wp))
         if (.not. part <= huge(1.0_wp)) part = huge(1.0_wp)
@@ -106,14 +108,15 @@ contains
     end subroutine compare_surplus
 
     !> Energy of states on the accepted assembly, less what was supplied.
-    subroutine find_surplus(model, layout, t, y, turns, assembly, surplus)
+    subroutine find_surplus(model, layout, t, y, turns, assembly, surplus, scale)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t, y(:, :)             !! [s], (n, state)
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
         type(carried_assembly), intent(inout) :: assembly
         real(wp), intent(out) :: surplus(:)            !! [J] (state)
-        real(wp) :: lane_y(lanes, size(y, 1)), energy(lanes), instant(lanes)
+        real(wp), intent(out) :: scale                 !! of what the first one is a difference of [J]
+        real(wp) :: lane_y(lanes, size(y, 1)), energy(lanes), kinetic(lanes), instant(lanes)
         integer :: first, lane
 
         instant = t
@@ -123,7 +126,8 @@ contains
             end do
             call unpack_state(model, layout, instant, lane_y, turns, assembly%state)
             call evaluate_on_assembly(model, instant, assembly, assembly%state)
-            call energy_of_motion(model, assembly%state, energy)
+            call energy_of_motion(model, assembly%state, energy, kinetic)
+            if (first == 1) scale = abs(energy(1)) + kinetic(1) + abs(lane_y(1, layout%supplied))
             energy = energy - lane_y(:, layout%supplied)
             do lane = 1, min(lanes, size(surplus) - first + 1)
                 surplus(first + lane - 1) = energy(lane)

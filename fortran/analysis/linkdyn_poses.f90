@@ -4,16 +4,17 @@ module linkdyn_poses
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_gear_fit, only: gears_go_along
-    use linkdyn_joint_table, only: is_geared
+    use linkdyn_joint_table, only: is_geared, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_model, only: model_type, has_assemblies
-    use linkdyn_scene, only: joint_n_variable, joint_cylindrical
+    use linkdyn_scene, only: joint_n_variable, joint_cam
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_branch_lost, sample_undefined
-    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), identity_mat3, zero_vec3, lane_of, mat3_lane
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), operator(.unrotate.), &
+        identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
     public :: find_poses, poses_of_joints
@@ -73,7 +74,8 @@ contains
         end do
     end subroutine find_poses
 
-    !> Poses of all moving links from all joint variables: no loop is closed, so no assembly need be known.
+    !> Poses of all moving links from all joint variables: no loop is closed, so no assembly need be known. Where no joints lead
+    !> to a link, a body that is led by its pose alone, nothing is told of the sample.
     subroutine poses_of_joints(model, variable, position, rotation, sample_status)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: variable(:, :)          !! (n_variable, n) [m, rad]
@@ -85,8 +87,8 @@ contains
         integer :: joint(model%n_link), side(model%n_link), first, lane, sample, i
 
         call find_ways(model, joint, side)
-        turn(0) = identity_mat3()
-        origin(0) = zero_vec3()
+        turn = identity_mat3()
+        origin = zero_vec3()
         do first = 1, size(variable, 2), lanes
             do i = 1, model%n_link
                 call go_through(model, joint(i), side(i), variable(:, first:), turn, origin)
@@ -97,7 +99,8 @@ contains
                     position(:, i, sample) = lane_of(origin(i), lane)
                     rotation(:, :, i, sample) = mat3_lane(turn(i), lane)
                 end do
-                sample_status(sample) = merge(sample_ok, sample_unreachable, all(abs(position(:, :, sample)) <= huge(1.0_wp)))
+                sample_status(sample) = merge(sample_ok, sample_unreachable, &
+                                              all(joint > 0) .and. all(abs(position(:, :, sample)) <= huge(1.0_wp)))
             end do
         end do
     end subroutine poses_of_joints
@@ -114,13 +117,10 @@ contains
         n = 0
         do while (n < model%n_link)
             search: do j = 1, model%n_joint
-                if (is_geared(model%joint(j)%told_kind)) cycle
+                if (.not. has_variables_that_place(model%joint(j)%told_kind)) cycle
                 do from = 1, 2
                     associate (link => model%joint(j)%link)
                         if (.not. is_known(link(from)) .or. is_known(link(3 - from))) cycle
-                        ! Backwards, the angles of a universal or spherical joint are others.
-                        if (from == 2 .and. joint_n_variable(model%joint(j)%told_kind) > 1 &
-                            .and. model%joint(j)%kind /= joint_cylindrical) cycle
                         n = n + 1
                         joint(n) = j
                         side(n) = from
@@ -129,10 +129,19 @@ contains
                     exit search
                 end do
             end do search
-            if (j > model%n_joint) exit                 ! what is left hangs on a ball, seen from behind
+            if (j > model%n_joint) exit                 ! no joints lead to what is left
         end do
         joint(n + 1:) = 0
         side(n + 1:) = 0
+
+    contains
+
+        !> Of all that relates the places of two links; wheels and cams leave them to other joints.
+        pure logical function has_variables_that_place(kind)
+            integer, intent(in) :: kind
+
+            has_variables_that_place = .not. (is_geared(kind) .or. kind == joint_cam .or. is_pose_part(kind))
+        end function has_variables_that_place
     end subroutine find_ways
 
     !> Place the link behind a joint, on all lanes.
@@ -143,6 +152,7 @@ contains
         type(mat3), intent(inout) :: turn(0:)
         type(vec3), intent(inout) :: origin(0:)
         type(relative_motion) :: motion
+        type(mat3) :: frame
         real(wp), dimension(lanes, 3) :: q, zero
         integer :: lane, k
 
@@ -152,14 +162,34 @@ contains
         associate (joint => model%joint(j), known => model%joint(j)%link(from), link => model%joint(j)%link(3 - from))
             do lane = 1, lanes
                 do k = 1, joint_n_variable(joint%told_kind)
-                    q(lane, k) = merge(1, -1, from == 1)*variable(joint%first_variable + k, min(lane, size(variable, 2)))
+                    q(lane, k) = variable(joint%first_variable + k, min(lane, size(variable, 2)))
                 end do
             end do
-            call relative_by_variables(joint%told_kind, turn_frame(turn(known), joint%told_frame(:, :, from)), q, zero, zero, &
-                                       motion, joint%pitch)
-            turn(link) = turn_frame_back(motion%frame, joint%told_frame(:, :, 3 - from))
+            frame = turn_frame(turn(known), joint%told_frame(:, :, from))
+            if (from == 2) frame = first_frame(frame)
+            call relative_by_variables(joint%told_kind, frame, q, zero, zero, motion, joint%pitch)
+            if (from == 1) frame = motion%frame
+            if (from == 2) motion%slide = zero_vec3() - motion%slide
+            turn(link) = turn_frame_back(frame, joint%told_frame(:, :, 3 - from))
             origin(link) = origin(known) + (turn(known).rotate.joint%point(:, from)) + motion%slide &
                            - (turn(link).rotate.joint%point(:, 3 - from))
         end associate
+
+    contains
+
+        !> The first marker's frame from the second's.
+        type(mat3) function first_frame(second)
+            type(mat3), intent(in) :: second
+            type(relative_motion) :: alone
+            type(mat3) :: e
+
+            e = identity_mat3()
+            associate (joint => model%joint(j))
+                call relative_by_variables(joint%told_kind, e, q, zero, zero, alone, joint%pitch)
+            end associate
+            first_frame%x = second.rotate. (alone%frame.unrotate.e%x)
+            first_frame%y = second.rotate. (alone%frame.unrotate.e%y)
+            first_frame%z = second.rotate. (alone%frame.unrotate.e%z)
+        end function first_frame
     end subroutine go_through
 end module linkdyn_poses

@@ -94,7 +94,8 @@ contains
         end associate
         if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then
             if (.not. have_gaps(run%design(1)%measures%rod)) &
-                call refuse_quantity(run, quantity_clearance, "no two legs that share no end", status)
+                call refuse_quantity(run, quantity_clearance, "no pair of legs without a common end (expected two legs, or "// &
+                                     "'segments' in its table)", status)
         end if
         if (.not. status%is_ok()) return
         if (run%design(1)%status%is_ok() .and. run%design(1)%measures%wants_map) &

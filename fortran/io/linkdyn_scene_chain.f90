@@ -17,7 +17,8 @@ module linkdyn_scene_chain
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_links, only: read_mass_properties, carried_x
     use linkdyn_scene_joints, only: require_two_links
-    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, &
+        turned_tensor
     use linkdyn_suggest, only: suggestion
     use linkdyn_units, only: quantity_type, length, angle
     implicit none (type, external)
@@ -316,6 +317,7 @@ contains
                 its%name = leg%name//"."//link_name
                 if (kind%is_parallelogram .and. k > 1) its%name = trim(its%name)//to_text(k - 1)
                 call read_leg_link(place, link_name, i, scene%planar, has_length(), leg%length(min(k, 2)), its, status)
+                if (place%copy > 0) call carry_mass(kind, k, scene%planar, pattern, place%copy, its)
             end associate
         end do
 
@@ -326,6 +328,30 @@ contains
             has_length = link_name == "crank" .or. (link_name == "rod" .and. .not. is_telescope(kind))
         end function has_length
     end subroutine read_leg
+
+    !> Mass properties of link k of a leg that is a copy, in the axes of that link. Those of a carriage are its base link's, in
+    !> which it turns. The others' go along with the leg; they are right-handed, so that one of an image's is reversed: y, where it
+    !> is square to what is mirrored (see `linkdyn_chain_parts`) or along the hinge of a crank, which turns the other way; else x.
+    pure subroutine carry_mass(kind, k, planar, pattern, copy, link)
+        type(chain_kind), intent(in) :: kind
+        integer, intent(in) :: k, copy
+        logical, intent(in) :: planar
+        type(pattern_type), intent(in) :: pattern
+        type(link_spec), intent(inout) :: link
+        real(wp) :: image(3)
+        logical :: y_is_hinge, reverses_x
+
+        if (is_rail_kind(kind) .and. k == 1) then
+            link%cog = matmul(pattern%turn(:, :, copy), link%cog)
+            link%inertia = turned_tensor(link%inertia, pattern%turn(:, :, copy))
+        else if (pattern%is_image(copy)) then
+            y_is_hinge = kind%letters(min(k, 2):min(k, 2)) == "R" .or. (is_telescope(kind) .and. kind%letters(1:1) == "R")
+            reverses_x = .not. planar .and. (y_is_hinge .neqv. is_crank_kind(kind))
+            image = merge([-1, 1, 1], [1, -1, 1], reverses_x)
+            link%cog = image*link%cog
+            link%inertia = mirrored_tensor(link%inertia, image)
+        end if
+    end subroutine carry_mass
 
     !> Unit of the driven variable.
     pure type(quantity_type) function drive_quantity(kind) result(quantity)

@@ -14,8 +14,8 @@ module linkdyn_scene_pattern
     use linkdyn_units, only: angle
     implicit none (type, external)
     private
-    public :: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, angles_of_matrix
-    public :: matrix_of_angles
+    public :: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, turned_tensor
+    public :: angles_of_matrix, matrix_of_angles
 
     integer, parameter :: most_copies = 1000        !! of one part: more than mechanisms have
     integer, parameter :: only_repeat = 1, all_keys = size(pattern_key)
@@ -185,6 +185,25 @@ contains
         image(:3) = tensor(:3)
         image(4:) = tensor(4:)*reflection*cshift(reflection, 1)
     end function mirrored_tensor
+
+    !> A tensor of a body that is turned, or turned and mirrored, in axes that are not.
+    pure function turned_tensor(tensor, turn) result(turned)
+        real(wp), intent(in) :: tensor(6), turn(3, 3)
+        real(wp) :: turned(6), whole(3, 3)
+        integer :: i, next
+
+        do i = 1, 3
+            next = mod(i, 3) + 1
+            whole(i, i) = tensor(i)
+            whole(i, next) = tensor(3 + i)
+            whole(next, i) = tensor(3 + i)
+        end do
+        whole = matmul(turn, matmul(whole, transpose(turn)))
+        do i = 1, 3
+            turned(i) = whole(i, i)
+            turned(3 + i) = whole(i, mod(i, 3) + 1)
+        end do
+    end function turned_tensor
 
     !> Rotation about a unit vector.
     pure function rotation(axis, by) result(matrix)

@@ -438,15 +438,18 @@ contains
         end do
     end function leads_within
 
-    !> A length typical of the mechanism [m].
+    !> A length typical of the mechanism [m]; where all joints are at the origins of their links, as in a spherical linkage
+    !> drawn from its centre, there is none, and any does.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
+        real(wp), parameter :: nothing = 1.0e-12_wp     !! is rounding of places, no size
         integer :: j
 
-        scene_size = tiny(1.0_wp)
+        scene_size = 0
         do j = 1, model%n_joint
             scene_size = max(scene_size, maxval(abs(model%joint(j)%point)), model%joint(j)%reach)
         end do
+        if (scene_size < nothing) scene_size = 1
     end function scene_size
 
     !> Does a step turn its link by three angles that are coordinates?

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ._arguments import as_known, as_number, as_positive
 from ._averages import mean, power_mean, shares
 from ._kinematics import variable_of
-from ._postures import find_postures, poses_of
+from ._postures import find_postures, placed_poses
 from .errors import InputError
 from .results import need_result
 from .scene import Scene
@@ -181,7 +181,7 @@ def _load_of(run: xr.Dataset, joint: str, scene: Scene, caller: str) -> _Load:
     wrench = {str(name): reaction.sel(joint=joint, component=name).values[good] for name in reaction.component.values}
     zero = np.zeros(int(good.sum()))
     force, moment = (np.stack([wrench.get(f"{letter}{x}", zero) for x in "xyz"], axis=1) for letter in "FM")
-    postures, _ = find_postures(scene, poses_of(scene, run))
+    postures, _ = find_postures(scene, placed_poses(scene, run, caller))
     link, marker = kinds[joint]["links"][0], kinds[joint]["markers"][0]
     axis = np.tile([0.0, 0.0, 1.0], (len(zero), 1)) if scene.planar else postures.axes[link][marker][good]
     axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""How much of every driving force and reaction is due to weight, to inertia, to each load, to each spring and to friction."""
+"""How much of every driving force and reaction is due to weight, to inertia, to each load, to each spring, to preloads of drives and to friction."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     -------
     xarray.Dataset
         ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
-        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "given MARKER" of wrenches given in
-        the call, and "friction", what it adds to all of these.
+        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "preload" of drives that share the work,
+        "given MARKER" of wrenches given in the call, and "friction", what it adds to all of these.
 
     Raises
     ------
@@ -60,6 +60,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
             if "restitution" in table:
                 continue  # no force where the motion is given
             causes[_free(f"{kind} {_label(kind, table)}", causes)] = _only(content, kept=(kind, i))
+    if any("preload" in table for table in content.get("actuator", [])):
+        causes["preload"] = _only(content, preload=True)
     given = _given(run, scene)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
     found = {"inertia": base}
@@ -82,11 +84,13 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     )
 
 
-def _only(content: dict[str, Any], gravity: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
-    """The scene with inertia, and gravity or one load, spring or stop if that is to be kept."""
+def _only(content: dict[str, Any], gravity: bool = False, preload: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
+    """The scene with inertia, and gravity, preloads of drives or one load, spring or stop if that is to be kept."""
     changed = {key: value for key, value in content.items() if key not in ("load", "spring", "friction", "stop", "event", "sweep")}
     if not gravity:
         changed.pop("gravity", None)
+    if not preload and "actuator" in content:
+        changed["actuator"] = [{key: value for key, value in table.items() if key != "preload"} for table in content["actuator"]]
     if kept:
         changed[kept[0]] = [content[kept[0]][kept[1]]]
     return changed

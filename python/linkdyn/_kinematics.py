@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ._averages import good_samples
 from ._cams import contact_of
-from ._postures import poses_of
+from ._postures import placed_poses
 from ._wheels import is_geared
 from .errors import InputError
 from .scene import Scene
@@ -90,7 +90,7 @@ def link_motion(scene: Scene, run: xr.Dataset) -> LinkMotion:
 
 def links_at_rest(scene: Scene, run: xr.Dataset) -> LinkMotion:
     """Where the links are, without velocities."""
-    poses = poses_of(scene, run)
+    poses = placed_poses(scene, run, "motion of links")
     n = len(poses.status)
     position = np.concatenate([np.zeros((n, 1, 3)), poses.position], axis=1)
     rotation = np.concatenate([np.broadcast_to(np.eye(3), (n, 1, 3, 3)), poses.rotation], axis=1)

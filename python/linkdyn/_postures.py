@@ -10,18 +10,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ._averages import good_samples
 from ._cams import room_for_cams
 from ._wheels import rims
 from .errors import InputError, SceneError
 from .results import FOLDER
 from .scene import Poses, Scene
 
-__all__ = ["ELEVATION", "Posture", "Postures", "best_azimuth", "find_postures", "poses_of", "scene_of"]
+__all__ = ["ELEVATION", "Posture", "Postures", "best_azimuth", "find_postures", "placed_poses", "poses_of", "scene_of"]
 
 Points = NDArray[np.float64]
 
 ELEVATION = 25.0
 """Of the eye over a spatial mechanism [deg]."""
+APART = 1e-5
+"""Poses further from each other are two assemblies: as a part of the mechanism's reach, and of a turn [rad]."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +92,45 @@ class Posture:
 
 
 def poses_of(scene: Scene, run: xr.Dataset) -> Poses:
-    """Poses along a run: where other joint variables stood in for its coordinates, these do not tell the assembly.
-    Samples of a batch are each on their own, as where they were computed."""
-    if "stand_in" in run and np.any(run.stand_in != 0):
-        if "joint_variable" not in run:
+    """Poses along a run.
+
+    Coordinates tell them up to the assembly, which is followed from sample to sample, straight; samples of a batch are each on their own, as where they
+    were computed. Where the run has joint variables these tell the assembly: a forward run takes curved ways between its samples, may pass dead points of its
+    coordinates, and a part of a run does not begin where the scene does.
+    """
+    passed = "stand_in" in run and np.any(run.stand_in != 0)
+    if "joint_variable" not in run:
+        if passed:
             raise InputError("the run passed dead points of its coordinates (expected joint variables among the results)")
-        return scene.poses(joint_variable=run.joint_variable.values)
+        return _led_poses(scene, run)
+    told = scene.poses(joint_variable=run.joint_variable.values)
+    return told if passed else _as_told(_led_poses(scene, run), told)
+
+
+def placed_poses(scene: Scene, run: xr.Dataset, caller: str) -> Poses:
+    """The same, where every sample that did not fail must have its place."""
+    poses = poses_of(scene, run)
+    if n := int((good_samples(run) & (poses.status != 0)).sum()):
+        raise InputError(f"{caller}: the coordinates alone do not tell where the links are at {n} sample{'s' if n > 1 else ''} "
+                         "(expected joint variables among the results)")
+    return poses
+
+
+def _led_poses(scene: Scene, run: xr.Dataset) -> Poses:
     return scene.poses(np.nan_to_num(run.q.values), in_order="time" in run.coords)
+
+
+def _as_told(led: Poses, told: Poses) -> Poses:
+    """Poses by the coordinates, which have the most digits; where these have led to another assembly, or to none, as the joint variables tell."""
+    sure = told.status == 0
+    reach = np.abs(told.position[sure]).max(initial=0.0)
+    strays = np.abs(led.position - told.position).max(axis=(1, 2), initial=0.0) > APART * reach
+    strays |= np.abs(led.rotation - told.rotation).max(axis=(1, 2, 3), initial=0.0) > APART
+    taken = sure & (strays | (led.status != 0))
+    if not taken.any():
+        return led
+    return Poses(*(np.where(taken.reshape(-1, *[1] * (ours.ndim - 1)), theirs, ours) for ours, theirs in (
+        (led.position, told.position), (led.rotation, told.rotation), (led.status, told.status))))
 
 
 def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool_]]:

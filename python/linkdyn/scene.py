@@ -397,7 +397,8 @@ class Scene:
             `inverse`; otherwise each is on the branch of the start. Default: only without ``q``.
         joint_variable
             (N, n_variable) all joint variables instead of the coordinates, as results have them [m, rad]: they tell the
-            assembly, also where the coordinates do not, as in a forward run through their dead points.
+            assembly, also where the coordinates do not, as in a forward run through their dead points (status 1 where no joints
+            lead to a link from the frame).
         """
         if joint_variable is not None:
             if q is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,15 @@ def test_contributions_of_given_wrenches_and_springs():
     found = run.linkdyn.contributions()
     assert list(map(str, found.cause.values)) == ["inertia", "weight", *(f"load {name}" for name in scene.loads), "spring S", "given coupler.P"]
     np.testing.assert_allclose(found.reaction.sum("cause"), run.reaction, atol=1e-12 * np.abs(run.reaction).max())
+
+
+def test_preloads_are_a_cause_of_their_own():
+    """Two motors on one shaft: each turns half the load; of preloads half their difference is left, against each other."""
+    scene = shaft({"moment": -8.0}, samples=5)
+    scene = linkdyn.Scene({**tomllib.loads(scene.text), "actuator": [{"joint": "A", "preload": 6.0}, {"joint": "A", "name": "second", "preload": -2.0}]})
+    found = scene.inverse().linkdyn.contributions().driving_force.isel(sample=2)
+    assert list(map(str, found.cause.values)) == ["inertia", "weight", "load disc.A", "preload"]
+    np.testing.assert_allclose(found, [[0, 0], [0, 0], [4, 4], [4, -4]], atol=1e-12)
 
 
 def test_contributions_of_a_forward_run():

@@ -250,3 +250,89 @@ def test_a_mesh_is_not_mirrored():
     scene["link"][0]["mesh"] = "arm.stl"
     with pytest.raises(linkdyn.SceneError, match="key 'mesh' cannot be mirrored"):
         linkdyn.Scene(scene)
+
+
+def crooked(mass: float, **more: float) -> dict:
+    """No principal axis of it lies along its own."""
+    return {"mass": mass, "cog": [0.03, -0.05, 0.11], "inertia": [0.05, 0.06, 0.04, 0.011, -0.007, 0.009], **more}
+
+
+def bent(mass: float, **more: float) -> dict:
+    return {"mass": mass, "cog": [0.11, 0.04], "inertia": 0.05, **more}
+
+
+SKEW = [0.3, 1, 0.2]
+LEGS = {
+    "UPS": {"axis": SKEW, "lower": crooked(2), "upper": crooked(1)},
+    "UCU": {"axis": SKEW, "top_axis": [1, 0.2, 0.1], "lower": crooked(2), "upper": crooked(1)},
+    "PUS": {"axis": SKEW, "rail": [0.1, 0.2, 1], "carriage": crooked(2), "rod": crooked(1, length=1.1)},
+    "RUS": {"axis": SKEW, "zero": [1, 0.1, 0.1], "elbow": 1, "crank": crooked(2, length=0.4), "rod": crooked(1, length=1.1)},
+    # their hinges keep the platform's point in a plane
+    "RPS": {"axis": [0.6, 0.8, 0], "lower": crooked(2), "upper": crooked(1)},
+    "PRS": {"axis": [0.6, 0.8, 0], "rail": [0.8, -0.6, 0.5], "carriage": crooked(2), "rod": crooked(1, length=1.1)},
+    "RRS": {"axis": [0.6, 0.8, 0], "zero": [0.8, -0.6, 0.1], "elbow": 1, "crank": crooked(2, length=0.4), "rod": crooked(1, length=1.1)},
+    # in the plane
+    "RRR": {"elbow": 1, "crank": bent(2, length=0.5), "rod": bent(1, length=1.1)},
+    "PRR": {"rail": [0.3, 1], "carriage": bent(2), "rod": bent(1, length=1.1)},
+    "RPR": {"lower": bent(2), "upper": bent(1)},
+}
+
+
+def on_leg_and_image(kind: str) -> dict:
+    """A body that slides across and up, on a leg; and all of it mirrored."""
+    planar, is_held = kind in ("RRR", "PRR", "RPR"), kind in ("RPS", "PRS", "RRS")
+    mirror = {"mirror": "yz" if planar else "xz"}
+    across, up, nowhere = ([1, 0], [0, 1], [0, 0]) if planar else ([0.6, 0.8, 0], [0, 0, 1], [0, 0, 0])
+    body = {"mass": 3, "inertia": 0.1 if planar else {"diagonal": [0.1, 0.1, 0.1]}, **mirror}
+    wave = {"law": "harmonic", "amplitude": 0.1, "phase": 0.4, "frequency": 3}
+    return {
+        "space": "planar" if planar else "spatial",
+        "gravity": [0, -9.81] if planar else [1.5, 0, -9.81],
+        "frame": {"markers": {"A": {"at": [0.9, 0.9] if planar else [0.82, 0.16, 1.05], "axis": across, **mirror},
+                              "B": {"at": [0.5, 0.1] if planar else [0.5, 0.4, 0.1], **mirror}}},
+        "link": [{"name": "sledge", "markers": {"A": {"at": nowhere, "axis": across}, "Z": {"at": nowhere, "axis": up}}, **body},
+                 {"name": "lift", "markers": {"Z": {"at": nowhere, "axis": up}, "P": nowhere}, **body}],
+        "joint": [{"name": "A#", "type": "prismatic", "between": ["frame.A#", "sledge#.A"], "repeat": 2},
+                  {"name": "Z#", "type": "prismatic", "between": ["sledge#.Z", "lift#.Z"], "repeat": 2}],
+        "chain": [{"type": kind, "base": "frame.B#", "platform": "lift#.P", **LEGS[kind], **mirror}],
+        "coordinate": [{"joint": f"{joint}#", "repeat": 2, "motion": wave} for joint in ("Z" if is_held else "AZ")],
+        "actuator": [] if is_held else [{"joint": "A#", "repeat": 2}],
+        "time": {"end": 2, "samples": 11},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", LEGS)
+def test_an_image_of_a_leg_has_its_masses_on_the_other_side(kind):
+    run = linkdyn.Scene(on_leg_and_image(kind)).inverse()
+    assert not run.status.any()
+    drives = [[name for name in map(str, run.actuator.values) if name.startswith(f"leg{i}")] for i in (1, 2)]
+    forces = [np.abs(run.driving_force.sel(actuator=names)) for names in drives]
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9)
+    for part in "FM":
+        components = [name for name in map(str, run.component.values) if name.startswith(part)]
+        sizes = np.sqrt((run.reaction.sel(component=components) ** 2).sum("component"))
+        alike = [[f"A{i}", f"Z{i}", *(name for name in map(str, run.joint.values) if name.startswith(f"leg{i}."))] for i in (1, 2)]
+        np.testing.assert_allclose(sizes.sel(joint=alike[1]), sizes.sel(joint=alike[0]), atol=1e-9 * float(sizes.max()))
+
+
+def test_carriages_turn_with_their_legs():
+    """Three legs about the vertical, under a platform that rises: their rails bear the same moments."""
+    leg = {"type": "PUS", "rail": [0, 0, 1], "axis": [0, 1, 0], "carriage": crooked(2), "rod": {"length": 0.9, "mass": 1}}
+    scene = {
+        "space": "spatial",
+        "gravity": [0, 0, -9.81],
+        "frame": {"markers": {"B": {"at": [0.8, 0, 0], "repeat": 3, "about": "z"}, "C": {"at": [0.8, 0.1, 0], "repeat": 3, "about": "z"}}},
+        "link": [{"name": "top", "mass": 5, "inertia": [0.2, 0.2, 0.3, 0, 0, 0],
+                  "markers": {"P": {"at": [0.3, 0.2, 0], "repeat": 3, "about": "z"}, "Q": {"at": [0.3, -0.2, 0], "repeat": 3, "about": "z"}}}],
+        "chain": [{"name": f"{n}#", "base": f"frame.{b}#", "platform": f"top.{p}#", "repeat": 3, "about": "z", **leg} for n, b, p in (("r", "B", "P"), ("l", "C", "Q"))],
+        "coordinate": [{"link": "top", "motion": {"z": {"law": "harmonic", "mean": 0.7, "amplitude": 0.1, "frequency": 2}}}],
+        "time": {"end": 2, "samples": 5},
+    }  # fmt: skip
+    run = linkdyn.Scene(scene).inverse()
+    assert not run.status.any()
+    for n in "rl":
+        wrench = run.reaction.sel(joint=[f"{n}{i}.P" for i in (1, 2, 3)]).values
+        for across in (wrench[..., :2], wrench[..., 3:5]):
+            sizes = np.linalg.norm(across, axis=2)
+            np.testing.assert_allclose(sizes, np.broadcast_to(sizes[:, :1], sizes.shape), rtol=1e-9)
+            assert sizes.min() > 0.01

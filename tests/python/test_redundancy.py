@@ -612,3 +612,38 @@ def test_a_scissor_lift_with_two_rams() -> None:
 def test_a_sheet_warns(tmp_path: Any) -> None:
     sheet = linkdyn.sheet(linkdyn.Scene(bennett()).inverse(t=np.linspace(0, 1, 30)), tmp_path / "sheet.html")
     assert "reactions of 4 joints are not determined by the equations: taken is the least sum of squares" in sheet.read_text()
+
+
+# ---------------------------------------------------------------- no lengths at all
+
+
+@pytest.mark.parametrize("lead", ["A", "D"])
+@pytest.mark.parametrize("bend", [0.3, 0.9])
+def test_hookes_joint_drawn_from_its_centre(bend: float, lead: str) -> None:
+    """A spherical four-bar all of whose points are one: there is no length in it. The shafts' angles by tan D = tan A cos bend, the torque by the power."""
+    centre, out, side = [0, 0, 0], [np.cos(bend), np.sin(bend), 0], [-np.sin(bend), np.cos(bend), 0]
+    first, second = 0.02, 0.05
+    ends = {"A": {"at": centre, "axis": [1, 0, 0], "x": [0, 0, 1]}, "B": {"at": centre, "axis": [0, 0, 1]},
+            "C": {"at": centre, "axis": side}, "D": {"at": centre, "axis": out, "x": side}}
+    links = {"in": (first, {"A": ends["A"], "B": ends["B"]}), "cross": (0, {"B": ends["B"], "C": {"at": centre, "axis": [0, 1, 0]}}),
+             "out": (second, {"C": ends["C"], "D": ends["D"]})}
+    scene = {
+        "space": "spatial", "frame": {"markers": {"A": ends["A"], "D": ends["D"]}},
+        "link": [{"name": name, "mass": int(inertia > 0), "inertia": {"diagonal": [inertia] * 3}, "markers": markers, "start": {"position": centre}}
+                 for name, (inertia, markers) in links.items()],
+        "joint": [{"name": name, "type": "revolute", "between": between} for name, between in
+                  {"A": ["frame.A", "in.A"], "B": ["in.B", "cross.B"], "C": ["cross.C", "out.C"], "D": ["frame.D", "out.D"]}.items()],
+        "coordinate": [{"joint": lead, "motion": {"law": "harmonic", "amplitude": 1.0, "frequency": 3.0}}],
+        "actuator": [{"joint": "A"}],
+        "time": {"samples": 20},
+    }
+    run = linkdyn.Scene(scene).inverse()
+    assert not run.status.any()
+    turn = {name: run.joint_variable.sel(variable=f"{name}.angle").values for name in "AD"}
+    np.testing.assert_allclose(np.tan(turn["D"]), np.tan(turn["A"]) * np.cos(bend), atol=1e-12)
+    sine, cosine = np.sin(bend) ** 2 * np.sin(turn["A"]) ** 2, np.cos(bend)
+    gain, slope = cosine / (1 - sine), cosine * np.sin(bend) ** 2 * np.sin(2 * turn["A"]) / (1 - sine) ** 2
+    rate = run.qd.values[:, 0] / (gain if lead == "D" else 1)
+    change = (run.qdd.values[:, 0] - slope * rate**2) / gain if lead == "D" else run.qdd.values[:, 0]
+    torque = first * change + second * gain * (gain * change + slope * rate**2)
+    np.testing.assert_allclose(run.driving_force[:, 0], torque, atol=1e-11 * np.abs(torque).max())

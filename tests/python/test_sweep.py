@@ -178,6 +178,13 @@ def segment_distance(a: np.ndarray, b: np.ndarray) -> float:
     return best
 
 
+def test_clearance_wants_legs_or_segments():
+    scene = linkdyn.load(Path(__file__).resolve().parents[1] / "scenes" / "rsur.toml")
+    table = {"reduce": ["clearance"], "axis": [{"coordinate": "A", "linspace": [0, 1, 3]}], "clearance": {"diameter": 0.01}}
+    with pytest.raises(linkdyn.InputError, match="there is no pair of legs without a common end .expected two legs, or 'segments' in its table"):
+        scene.sweep(table)
+
+
 @pytest.mark.thorough
 def test_swing_and_clearance(swept, grid, tmp_path):
     swept["sweep"]["clearance"] = {"diameter": 0.05}
