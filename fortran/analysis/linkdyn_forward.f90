@@ -178,8 +178,8 @@ contains
         do i = 1, n_stop(run%model%scene)
             associate (stop => run%model%scene%stop(i))
                 if (.not. stop%is_hard .or. .not. gap(1, stop%event) < -touch(stop)) cycle
-                call fail(status, status_bad_input, "stop "//quoted(stop%name)//": joint " &
-                          //quoted(run%model%joint(stop%joint)%name)//" starts "//to_text(-gap(1, stop%event))//" beyond it " &
+                call fail(status, status_bad_input, "stop "//quoted(stop%name)//": "//trim(stop%what)//" starts " &
+                          //to_text(-gap(1, stop%event))//" beyond it " &
                           //"(expected a start that the stop admits)")
                 return
             end associate
