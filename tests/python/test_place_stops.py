@@ -451,3 +451,20 @@ def test_ensembles_and_simulators_meet_them_too():
 def test_a_start_beyond_one_is_refused():
     with pytest.raises(linkdyn.InputError, match=r"stop 'floor\.min': measure 'height' starts 0\.2 beyond it"):
         disc({"position": [0, 0]}, stop=[{"name": "floor", "measure": "height", "min": 0, "restitution": 0.5}]).forward(t_end=0.1)
+
+
+def test_a_simulator_stands_on_its_stop():
+    # Put down on the floor it rests there, lifted it leaves, let go it bounces; beyond the floor it is refused.
+    scene = ball({"position": [0, 0, 0.2]}, stop=[{"name": "floor", "coordinate": "body.z", "min": 0.2, "restitution": 0.5}])
+    simulator = scene.simulator(method="gbs")
+    simulator.step(0.5)
+    assert simulator.q[2] == pytest.approx(0.2, abs=1e-12)
+    place = simulator.q.copy()
+    place[2] = 1.2
+    simulator.reset(place)
+    fall = math.sqrt(2 / GRAVITY)
+    simulator.step(0.5)
+    assert simulator.q[2] == pytest.approx(0.2 + 0.5 * GRAVITY * fall * (0.5 - fall) - GRAVITY * (0.5 - fall) ** 2 / 2, abs=1e-10)
+    place[2] = 0.1
+    with pytest.raises(linkdyn.InputError, match=r"coordinate 'body\.z' starts 0\.1 beyond it"):
+        simulator.reset(place)
