@@ -4,7 +4,6 @@ module linkdyn_drive_forward
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
-    use linkdyn_joint_table, only: is_slide
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, rounding_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
@@ -249,7 +248,7 @@ contains
             end if
         end associate
         associate (stop => model%scene%stop(model%scene%event(entry%event)%stop))
-            unit = trim(merge("N s  ", "N m s", is_slide(model%joint(stop%joint)%kind, stop%variable)))
+            unit = trim(merge("N s  ", "N m s", model%scene%laws%measure(stop%measure)%length_power == 1))
         end associate
     end function unit_of_impulse
 end module linkdyn_drive_forward

@@ -14,7 +14,7 @@ module linkdyn_summary
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm
+    use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, measure_joint
     use linkdyn_status, only: sample_ok, sample_singular, sample_status_name, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means, mean_of
@@ -299,10 +299,12 @@ contains
         call view_values(layout, result_joint_variable, n, block, variable)
         if (.not. associated(variable)) return
         do k = 1, n_stop(scene)
-            associate (stop => scene%stop(k), label => layout%dimension(dim_variable)%label)
-                v = findloc(label, trim(scene%joint(stop%joint)%name)//"."// &
-                            trim(variable_name(stop%variable, scene%joint(stop%joint)%kind)), dim=1)
-                if (v == 0 .or. .not. stop%is_hard) cycle
+            associate (stop => scene%stop(k), measure => scene%laws%measure(scene%stop(k)%measure), &
+                       label => layout%dimension(dim_variable)%label)
+                if (measure%kind /= measure_joint .or. .not. stop%is_hard) cycle
+                v = findloc(label, trim(scene%joint(measure%joint)%name)//"."// &
+                            trim(variable_name(measure%variable, scene%joint(measure%joint)%kind)), dim=1)
+                if (v == 0) cycle
                 do i = 1, n
                     if (stop%side*(variable(v, i) - stop%bound) > touch) call count_event(time(i), beyond(k))
                 end do
@@ -322,8 +324,7 @@ contains
         do k = 1, size(summary%beyond)
             if (summary%beyond(k)%n == 0) cycle
             if (text /= "") text = text//"; "
-            text = text//quoted(scene%stop(k)%name)//" of joint "//quoted(scene%joint(scene%stop(k)%joint)%name)//" by " &
-                   //times_text(summary%beyond(k))
+            text = text//quoted(scene%stop(k)%name)//" of "//trim(scene%stop(k)%what)//" by "//times_text(summary%beyond(k))
         end do
     end function passed_stops
 

@@ -131,7 +131,10 @@ contains
         case (feed_gravity)
             feed = merge(holding%force(:, spec%actuator)/ratio, none, holding%status == sample_ok)
         case (feed_inverse)
-            feed = merge(of_motion%force(:, spec%actuator)/ratio, none, of_motion%status == sample_ok)
+            feed = of_motion%force(:, spec%actuator)/ratio
+            if (of_motion%wants_torques .and. spec%side /= side_joint) &
+                feed = of_motion%motor_torque(:, spec%actuator)/effort_scale(model, spec%actuator)
+            feed = merge(feed, none, of_motion%status == sample_ok)
         case default
             feed = 0
         end select

@@ -209,7 +209,7 @@ contains
             do i = 1, n_stop(model%scene)
                 associate (stop => model%scene%stop(i))
                     workspace%state%stop_force(:, i) = solved%state%stop_force(:, i) &
-                        *scale**merge(1, 2, is_slide(model%joint(stop%joint)%told_kind, stop%variable))
+                        *scale**merge(1, 2, model%scene%laws%measure(stop%measure)%length_power == 1)
                 end associate
             end do
             do i = 1, n_clutch(model%scene)

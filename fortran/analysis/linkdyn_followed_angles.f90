@@ -12,6 +12,8 @@ module linkdyn_followed_angles
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_place_motion, only: place_value, place_rate
+    use linkdyn_planar_motion, only: level_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_turns, only: turning_angles, list_turning
     implicit none (type, external)
@@ -30,7 +32,7 @@ module linkdyn_followed_angles
 
     type :: followed_angles
         real(wp) :: t(lanes) = 0                               !! of the accepted state [s]
-        integer, allocatable, private :: joint(:)              !! whose they are
+        integer, allocatable, private :: joint(:)              !! whose they are; 0: of a link's attitude
         integer, allocatable, private :: variable(:)           !! of the joint
         integer, allocatable, private :: place(:)              !! among the numbers that they belong to
         logical, allocatable, private :: counts(:)             !! a coordinate counts its turns itself
@@ -297,6 +299,11 @@ contains
         pace = pace_of(model, rate)
         do i = 1, size(angles%place)
             associate (k => angles%place(i), j => angles%joint(i), v => angles%variable(i))
+                if (j == 0) then
+                    call measure_attitude(model, state, k, value(:, k), spin(:, k))
+                    pace = max(pace, abs(spin(:, k)))
+                    cycle
+                end if
                 if (angles%counts(i)) then
                     call measure_variable(model, state, j, v, angles%angle(:, k), value(:, k), spin(:, k))
                     cycle
@@ -307,6 +314,22 @@ contains
             end associate
         end do
     end subroutine measure_angles
+
+    !> An angle of a link's attitude, by its measure.
+    subroutine measure_attitude(model, state, k, value, spin)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: k                       !! measure
+        real(wp), intent(out), dimension(lanes) :: value, spin    !! [rad], [rad/s]
+        integer, parameter :: pitch = 2                !! goes no way round
+
+        associate (spec => model%scene%laws%measure(k))
+            value = place_value(model, state, spec)
+            spin = place_rate(model, state, spec, level_velocity)
+            if (spec%component == pitch) spin = 0
+        end associate
+        where (.not. abs(spin) <= huge(1.0_wp)) spin = 0
+    end subroutine measure_attitude
 
     !> How fast the joint angle turns that is the fastest.
     pure function pace_of(model, rate) result(pace)

@@ -40,9 +40,10 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
+    use linkdyn_scene, only: scene_type, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
         has_hard_stops
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
+    use linkdyn_stop_starts, only: touch_width, refuse_beyond_stops, begin_at_stops, find_passed
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
         sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
@@ -139,7 +140,7 @@ contains
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
-        call refuse_beyond_stop(run, options%t_start, status)
+        call refuse_beyond_stops(run%system, options%t_start, run%y, status)
         if (.not. status%is_ok()) return
         call run%system%evaluate_on_lanes(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
@@ -166,34 +167,6 @@ contains
         where (run%system%is_driven_through) run%integrator%failed = .true.
     end subroutine start_integrator
 
-    !> No run begins beyond a stop.
-    subroutine refuse_beyond_stop(run, t, status)
-        type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t                      !! [s]
-        type(status_type), intent(inout) :: status
-        real(wp) :: gap(lanes, n_event(run%model%scene))
-        integer :: i
-
-        if (.not. has_hard_stops(run%model%scene)) return
-        call run%system%evaluate_guards(spread(t, 1, lanes), run%y, gap)
-        do i = 1, n_stop(run%model%scene)
-            associate (stop => run%model%scene%stop(i))
-                if (.not. stop%is_hard .or. .not. gap(1, stop%event) < -touch(stop)) cycle
-                call fail(status, status_bad_input, "stop "//quoted(stop%name)//": joint " &
-                          //quoted(run%model%joint(stop%joint)%name)//" starts "//to_text(-gap(1, stop%event))//" beyond it " &
-                          //"(expected a start that the stop admits)")
-                return
-            end associate
-        end do
-    end subroutine refuse_beyond_stop
-
-    !> Gap that is none, where a run begins: a start written with the stop's own number is at the stop.
-    pure real(wp) function touch(stop)
-        type(stop_spec), intent(in) :: stop
-
-        touch = 1.0e-10_wp*max(1.0e-3_wp, abs(stop%bound))
-    end function touch
-
     !> A run that is beyond a stop has lost a contact, as it may where several come at once: better no results than those.
     subroutine stop_where_passed(run, t)
         type(forward_run), intent(inout) :: run
@@ -210,45 +183,6 @@ contains
                      //" was passed, where impacts at several stops follow each other too closely"
         call release_texts()
     end subroutine stop_where_passed
-
-    !> The first stop that each lane is beyond though nothing rests there; 0: none.
-    subroutine find_passed(system, t, y, passed)
-        type(forward_system), intent(inout) :: system
-        real(wp), intent(in) :: t                      !! [s]
-        real(wp), intent(in) :: y(:, :)
-        integer, intent(out) :: passed(lanes)
-        real(wp), parameter :: much = 1.0e3_wp         !! over what counts as touching: 1e-7 of the bound, 1e-10 at least
-        real(wp) :: gap(lanes, n_event(system%model%scene))
-        integer :: i
-
-        passed = 0
-        call system%evaluate_guards(spread(t, 1, lanes), y, gap)
-        do i = n_stop(system%model%scene), 1, -1
-            associate (stop => system%model%scene%stop(i))
-                if (.not. stop%is_hard) cycle
-                where (gap(:, stop%event) < -much*touch(stop) .and. .not. system%stops%rests(:, i)) passed = i
-            end associate
-        end do
-    end subroutine find_passed
-
-    !> What touches its stop where the run begins strikes it or rests there.
-    subroutine begin_at_stops(system, t, y)
-        type(forward_system), intent(inout) :: system
-        real(wp), intent(in) :: t                      !! [s]
-        real(wp), intent(inout) :: y(:, :)
-        real(wp) :: gap(lanes, n_event(system%model%scene))
-        logical :: touches(lanes, n_stop(system%model%scene))
-        integer :: i
-
-        if (.not. has_hard_stops(system%model%scene)) return
-        call system%evaluate_guards(spread(t, 1, lanes), y, gap)
-        do i = 1, size(touches, 2)
-            associate (stop => system%model%scene%stop(i))
-                touches(:, i) = stop%is_hard .and. abs(gap(:, stop%event)) <= touch(stop)
-            end associate
-        end do
-        if (any(touches)) call system%meet_stops(spread(t, 1, lanes), y, touches)
-    end subroutine begin_at_stops
 
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
@@ -1059,7 +993,7 @@ contains
             do i = 1, n_stop(model%scene)
                 associate (stop => model%scene%stop(i))
                     if (.not. stop%is_hard) cycle
-                    where (gap(:, stop%event) < -touch(stop) .and. .not. run%system%stops%rests(:, i))
+                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%stops%rests(:, i))
                         run%integrator%failed = .true.
                         run%system%obstacle = sample_unreachable
                     end where

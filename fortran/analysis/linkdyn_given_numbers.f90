@@ -6,13 +6,12 @@ module linkdyn_given_numbers
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_pull, in_base, in_payload, in_friction, in_counted, in_effort, &
         in_target, in_stop, in_clutch, in_sense, in_unknown, in_number
     use linkdyn_joint_rates, only: measure_variable
-    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, gives_attitude, attitude_angles, pull_power
     use linkdyn_numbers, only: numbers_of
     use linkdyn_payload_measures, only: find_payloads
     use linkdyn_scene, only: law_spec, law_over, coordinate_joint, n_stop, n_clutch
@@ -122,12 +121,7 @@ contains
             numbers%of(in_pull)%x = 0
             do i = 1, size(model%scene%spring)
                 associate (spring => model%scene%spring(i))
-                    if (spring%joint == 0) then
-                        call add(spring%force, scale, numbers%of(in_pull)%x(:, i))
-                    else
-                        call add(spring%force, scale**merge(1, 2, is_slide(model%joint(spring%joint)%told_kind, spring%variable)), &
-                                 numbers%of(in_pull)%x(:, i))
-                    end if
+                    call add(spring%force, scale**pull_power(model, spring), numbers%of(in_pull)%x(:, i))
                 end associate
             end do
         end associate

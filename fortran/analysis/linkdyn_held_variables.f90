@@ -7,6 +7,7 @@ module linkdyn_held_variables
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_place_motion, only: place_rate
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: clutch_spec, n_stop, n_clutch
     implicit none (type, external)
@@ -70,7 +71,7 @@ contains
         end do
     end function accelerations_with
 
-    !> Velocities or accelerations of joint variables away from their stops.
+    !> Velocities or accelerations of what is stopped away from its stops.
     function away_from_stops(model, state, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -81,7 +82,7 @@ contains
         do i = 1, size(rate, 2)
             associate (stop => model%scene%stop(i))
                 rate(:, i) = 0
-                if (stop%is_hard) rate(:, i) = -stop%side*joint_rate(model, state, stop%joint, stop%variable, level)
+                if (stop%is_hard) rate(:, i) = -stop%side*place_rate(model, state, model%scene%laws%measure(stop%measure), level)
             end associate
         end do
     end function away_from_stops

@@ -1,25 +1,30 @@
 !> Driving forces that the scene's motion asks for, wherever a forward run really is: what drives `inverse` apply.
 !>
-!> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
+!> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes; torques of motors
+!> behind transmissions that lose some of them always come from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
         stand_there, branches_tried
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
-        free_equations,         prepare_workspace, solve_equations, solver_reduced, solver_elimination
+        free_equations, prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
         place_states, close_states, may_change_assembly, keep_stages
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
+    use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
+    use linkdyn_motor_loads, only: motor_torque
+    use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_recorded_rates, only: recorded_rates, run_rates
     use linkdyn_representatives, only: representative_poses, set_in_motion
+    use linkdyn_scene, only: motor_spec, n_controller, feed_inverse, side_joint
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
@@ -31,6 +36,8 @@ module linkdyn_motion_forces
     type :: motion_forces
         logical :: is_needed = .false.
         real(wp), allocatable :: force(:, :)           !! found last (lane, n_actuator)
+        real(wp), allocatable :: motor_torque(:, :)    !! that makes them behind a gear or screw, what these lose included (lane, n_actuator)
+        logical :: wants_torques = .false.             !! controllers feed these forward
         integer :: status(lanes) = sample_ok           !! of these
         type(model_type), pointer, private :: model => null()  !! with the coordinates that the motion speaks of
         type(equations_type), private :: equations
@@ -61,7 +68,8 @@ contains
         call prepare_workspace(model, forces%equations, forces%workspace)
         forces%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, spread(.false., 1, model%n_q), forces%layout)
-        allocate (forces%force(lanes, model%n_actuator), source=0.0_wp)
+        allocate (forces%force(lanes, model%n_actuator), forces%motor_torque(lanes, model%n_actuator), source=0.0_wp)
+        forces%wants_torques = feeds_losses(model)
     end subroutine plan_motion_forces
 
     !> Is it this model whose coordinates the motion speaks of?
@@ -71,6 +79,22 @@ contains
 
         is_motion_of = associated(forces%model, model)
     end function is_motion_of
+
+    !> Does a controller feed forward what a motor gives behind a transmission that loses some of it?
+    pure logical function feeds_losses(model)
+        type(model_type), intent(in) :: model
+        integer :: i
+
+        feeds_losses = .false.
+        do i = 1, n_controller(model%scene)
+            associate (spec => model%scene%controller(i))
+                associate (motor => model%scene%actuator(spec%actuator)%motor)
+                    if (spec%feed == feed_inverse .and. spec%side /= side_joint) &
+                        feeds_losses = feeds_losses .or. motor%efficiency < 1 .or. motor%back_efficiency < 1
+                end associate
+            end associate
+        end do
+    end function feeds_losses
 
     !> Begin at t on the assembly of the scene's start.
     subroutine begin_motion_forces(t, forces)
@@ -150,8 +174,32 @@ contains
             call solve_equations(model, forces%equations, workspace)
             forces%force = workspace%driving_force
             forces%status = workspace%status
+            call find_torques(model, workspace%state, forces)
         end associate
     end subroutine solve_on_lanes
+
+    !> Torques of motors that make the forces found: rotors take their part at the motion's acceleration, and transmissions lose theirs as
+    !> the run has it, in the direction of the motion.
+    subroutine find_torques(model, state, forces)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state     !! of the motion
+        type(motion_forces), intent(inout) :: forces
+        type(motor_spec) :: spec
+        real(wp), dimension(lanes) :: rate, transmitted
+        integer :: i
+
+        if (.not. forces%wants_torques) return
+        do i = 1, size(model%motor)
+            associate (motor => model%motor(i), k => model%motor(i)%actuator)
+                spec = model%scene%actuator(k)%motor
+                spec%creeps = .true.
+                rate = joint_rate(model, state, motor%joint, motor%variable, level_velocity)
+                transmitted = forces%force(:, k) &
+                              - motor%inertia*joint_rate(model, state, motor%joint, motor%variable, level_given)
+                forces%motor_torque(:, k) = motor_torque(spec, forces%force(:, k), transmitted, rate)
+            end associate
+        end do
+    end subroutine find_torques
 
     !> What laws over the state depend on, in the motion at the instants of the lanes; not a number where it cannot be placed.
     subroutine measure_motion(t, forces, measure)
@@ -200,7 +248,7 @@ contains
         type(unknown_choice) :: unknown
         logical :: is_new
 
-        if (.not. forces%is_needed) return
+        if (.not. forces%is_needed .or. forces%wants_torques) return
         is_new = .not. associated(recorded)
         if (is_new) then
             unknown%acceleration = spread(.false., 1, forces%model%n_q)

@@ -32,13 +32,24 @@ contains
         has_winding = actuator%drive%side == side_voltage .and. actuator%motor%inductance > 0
     end function has_winding
 
-    !> What of the voltage resistance and turning rotor leave makes the current grow.
+    !> What of the voltage resistance and turning rotor leave makes the current grow. Where that would lead it past what limits leave of
+    !> it, the drive cuts the voltage: its current controller leads the current there as fast as it can, in a small part of the time
+    !> that the winding takes by itself.
     elemental real(wp) function current_rate(motor, voltage, current, speed) result(rate)
         type(motor_spec), intent(in) :: motor
         real(wp), intent(in) :: voltage, current       !! [V, A]
         real(wp), intent(in) :: speed                  !! of the motor [rad/s]
 
+        real(wp), parameter :: pace = 100              !! of the controller over that of the winding
+        real(wp) :: torque, largest, along
+
         rate = (voltage - motor%resistance*current - motor%torque_constant*speed)/motor%inductance
+        torque = available_torque(motor, speed)
+        if (.not. torque < huge(torque)) return
+        largest = torque/motor%torque_constant
+        along = pace*motor%resistance/motor%inductance
+        if (rate > along*(largest - current)) rate = along*(largest - current)
+        if (rate < along*(-largest - current)) rate = along*(-largest - current)
     end function current_rate
 
     !> The largest torque of a motor at a speed, driving or braking, in either direction: what its limits leave of it.

@@ -17,6 +17,7 @@ module linkdyn_simulator
     use linkdyn_scene, only: drive_inverse
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -86,12 +87,15 @@ contains
         allocate (self%y(lanes, self%system%n), rate(lanes, self%system%n))
         call fill_start(self%model, self%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), self%y)
         call self%system%begin(t, self%y)
+        call refuse_beyond_stops(self%system, t, self%y, status)
+        if (.not. status%is_ok()) return
         call self%system%evaluate_on_lanes(spread(t, 1, lanes), self%y, rate, failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed there: " &
                       //failure_at(self%model, self%system%workspace%state, self%system%workspace%status(1), 1))
             return
         end if
+        call begin_at_stops(self%system, t, self%y)
         call self%system%begin_with_clutches(t, self%y)
         call collect_kinks(self%model, t, huge(t), self%kinks)
         self%t = t

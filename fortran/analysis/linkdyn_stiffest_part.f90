@@ -53,6 +53,7 @@ contains
         call system%begin(t, spread(y, 1, lanes))
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
+                if (spring%measure > 0) cycle
                 of_part = rate_of(spring%stiffness, spring%damping, mobility_at_spring(bare, system, t, y, i))
                 if (of_part > rate) name = "spring "//quoted(spring%name)
                 rate = max(rate, of_part)

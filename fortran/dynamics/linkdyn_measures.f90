@@ -11,8 +11,10 @@ module linkdyn_measures
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
-        measure_touch, n_event, n_clutch, pulls_in_line
+    use linkdyn_place_motion, only: place_value, place_rate
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_spring, measure_touch, n_event, &
+        n_clutch, pulls_in_line
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
@@ -103,38 +105,32 @@ contains
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: number(lanes)
         real(wp) :: value(lanes), rate(lanes)
-        type(vec3) :: point, velocity
 
         select case (spec%kind)
         case (measure_joint)
             call measure_variable(model, state, spec%joint, spec%variable, spread(spec%near, 1, lanes), value, rate)
-        case (measure_marker)
-            call locate_marker(model, spec%link, spec%marker, state, point, velocity)
-            value = component_of(point, spec%component)
-            rate = component_of(velocity, spec%component)
         case (measure_spring)
             call measure_spring_length(model, model%scene%spring(spec%spring), state, value, rate)
             value = value - model%scene%spring(spec%spring)%rest
         case (measure_touch)
             value = state%touch(:, spec%stop)
             rate = 0
-        case default
+        case (measure_time)
             value = state%time
             rate = 1
+        case default
+            if (spec%is_rate) then
+                rate = place_rate(model, state, spec, level_velocity)
+            else
+                value = place_value(model, state, spec)
+            end if
         end select
-        number = value
-        if (spec%is_rate) number = rate
+        if (spec%is_rate) then
+            number = rate
+        else
+            number = value
+        end if
     end subroutine find_measure
-
-    pure function component_of(v, component) result(number)
-        type(vec3), intent(in) :: v
-        integer, intent(in) :: component
-        real(wp) :: number(lanes)
-
-        number = v%z
-        if (component == 1) number = v%x
-        if (component == 2) number = v%y
-    end function component_of
 
     !> Distance or joint variable of a spring, and its rate.
     subroutine measure_spring_length(model, spring, state, value, rate)

@@ -84,6 +84,7 @@ contains
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
+                if (spring%measure > 0) cycle
                 call measure_spring_length(model, spring, state, length, rate)
                 energy = energy + spring%stiffness*(length - spring%rest)**2/2
             end associate

@@ -1,6 +1,6 @@
 !> The physics of a scene, run once on values: motion, equations, and what becomes of their unknowns.
 module linkdyn_trace
-    use linkdyn_acting, only: acting_type, at_joint_variable
+    use linkdyn_acting, only: acting_type, at_joint_variable, at_place
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_drive_sharing, only: share_work
@@ -222,8 +222,9 @@ contains
                 traced%acting = [traced%acting, payload_wrench(traced%mechanism, i)]
             end do
             do i = 1, n_stop(model%scene)
-                associate (stop => model%scene%stop(i))
-                    call push(stop%joint, stop%variable, real(-stop%side, wp)*traced%in%of(in_stop)%v(i))
+                associate (stop => model%scene%stop(i), force => traced%in%of(in_stop)%v(i))
+                    if (.not. is_zero(force)) traced%acting = [traced%acting, &
+                        at_place(traced%mechanism, model%scene%laws%measure(stop%measure), real(-stop%side, wp)*force)]
                 end associate
             end do
             do i = 1, n_clutch(model%scene)

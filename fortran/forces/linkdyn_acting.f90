@@ -2,14 +2,18 @@
 !>
 !> Loads, springs, drives and joint reactions all become this; the balance of a link adds it up without asking what it is.
 module linkdyn_acting
-    use linkdyn_bodies, only: bodies_type
+    use linkdyn_attitude, only: rates_of_angles
+    use linkdyn_bodies, only: bodies_type, point_position
     use linkdyn_joint_kind, only: axis_of
-    use linkdyn_mechanism, only: mechanism_type, told_marker_frame
-    use linkdyn_value, only: value, operator(*)
-    use linkdyn_vector, only: vector, rotation, zero_vector, operator(*), operator(.rotate.), operator(.unrotate.)
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, scene_rotation
+    use linkdyn_place_variables, only: place_point, place_gap, relative_attitude
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance
+    use linkdyn_value, only: value, operator(*), sqrt, reciprocal
+    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, operator(-), operator(*), operator(.dot.), &
+        operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: acting_type, turned, at_joint_variable
+    public :: acting_type, turned, at_joint_variable, at_place
 
     !> A force and a moment. At a joint: on the second link at its marker's point, the opposite on the first.
     type :: acting_type
@@ -60,4 +64,62 @@ contains
             end if
         end associate
     end function at_joint_variable
+
+    !> A force or moment along a place that a measure tells, positive when it drives it up: its power is effort times the place's rate.
+    function at_place(mechanism, spec, effort) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(value), intent(in) :: effort              !! [N, N m]
+        type(acting_type), allocatable :: acting(:)    ! one at a joint, else one on each link
+        type(vector) :: gap, push
+
+        select case (spec%kind)
+        case (measure_joint)
+            acting = [at_joint_variable(mechanism, spec%joint, spec%variable, effort)]
+        case (measure_marker)
+            push = effort*axis_of(scene_rotation(mechanism, spec%link(1)), spec%component)
+            acting = between_links(mechanism, spec, push, zero_vector())
+        case (measure_distance)
+            gap = place_gap(mechanism, spec)
+            acting = between_links(mechanism, spec, (effort*reciprocal(sqrt(gap.dot.gap)))*gap, zero_vector())
+        case default
+            push = effort*attitude_gradient(mechanism, spec)
+            acting = between_links(mechanism, spec, zero_vector(), push)
+        end select
+    end function at_place
+
+    !> A force at the second point of a measure and a moment, world axes, and the opposite on the first link, in the same place.
+    function between_links(mechanism, spec, force, moment) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector), intent(in) :: force, moment      !! [N], [N m]
+        type(acting_type) :: acting(2)
+        type(rotation) :: first
+
+        associate (link => spec%link, bodies => mechanism%bodies)
+            acting%link = link
+            acting(2)%point = place_point(mechanism, spec, 2)
+            acting(2)%force = force
+            acting(2)%moment = moment
+            first = bodies%turning(bodies%body(link(1))%turning)%r
+            acting(1)%point = first.unrotate.(point_position(bodies, link(2), acting(2)%point) - bodies%body(link(1))%position)
+            acting(1)%force = -force
+            acting(1)%moment = -moment
+        end associate
+    end function between_links
+
+    !> How the rate of an attitude's angle changes with the angular velocity: the moment of a unit effort, world axes.
+    function attitude_gradient(mechanism, spec) result(gradient)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: gradient
+        type(value) :: rate(3), part(3)
+        integer :: k
+
+        do k = 1, 3
+            rate = rates_of_angles(relative_attitude(mechanism, spec), unit_vector(k))
+            part(k) = rate(spec%component)
+        end do
+        gradient = scene_rotation(mechanism, spec%link(1)) .rotate.vector(part(1), part(2), part(3))
+    end function attitude_gradient
 end module linkdyn_acting

@@ -1,11 +1,11 @@
-!> Springs with dampers: between two markers, along their line, or at a joint variable.
+!> Springs with dampers: between two markers, along their line, or at a joint variable; and laws that pull along a measure.
 module linkdyn_springs
-    use linkdyn_acting, only: acting_type, at_joint_variable
+    use linkdyn_acting, only: acting_type, at_joint_variable, at_place
     use linkdyn_bodies, only: point_position, point_velocity
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, spring_numbers, spring_point, must_be_positive
-    use linkdyn_value, only: value, is_zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
+    use linkdyn_value, only: value, zero, is_zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
     use linkdyn_vector, only: vector, zero_vector, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
@@ -23,6 +23,10 @@ contains
         integer :: side
 
         associate (spring => mechanism%model%scene%spring(i))
+            if (spring%measure > 0) then
+                acting = at_place(mechanism, mechanism%model%scene%laws%measure(spring%measure), -mechanism%pull(i))
+                return
+            end if
             if (needs_direction(mechanism, i)) then
                 call measure_spring(mechanism, i, length, rate, line)
                 associate (k => spring_numbers(mechanism, i))
@@ -58,6 +62,8 @@ contains
         integer, intent(in) :: i
         type(value) :: k(3)
 
+        needs_direction = .false.
+        if (mechanism%model%scene%spring(i)%measure > 0) return
         k = spring_numbers(mechanism, i)
         needs_direction = mechanism%model%scene%spring(i)%joint > 0 .or. .not. (is_zero(k(2)) .and. is_zero(k(3)) &
                                                                                .and. is_zero(mechanism%pull(i)))
@@ -87,6 +93,8 @@ contains
         type(value) :: length, rate, k(3)
         type(vector) :: line
 
+        energy = zero()
+        if (mechanism%model%scene%spring(i)%measure > 0) return
         call measure_spring(mechanism, i, length, rate, line)
         k = spring_numbers(mechanism, i)
         energy = (0.5_wp*k(1))*square(length - k(3))

@@ -6,7 +6,7 @@ module linkdyn_description
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
-        marker_spec, stop_spec, cam_spec, follower_name, &
+        marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
         n_event, n_stop, n_controller, n_clutch, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
@@ -163,12 +163,16 @@ contains
         type(stop_spec), intent(in) :: stop
         character(len=:), allocatable :: text
 
-        associate (joint => scene%joint(stop%joint))
-            text = "{"//pair("name", string(stop%name))//","//pair("joint", string(joint%name))//"," &
-                   //pair("variable", string(trim(joint%name)//"."//trim(variable_name(stop%variable, joint%kind))))//"," &
-                   //pair("side", integer_value(stop%side))//","//pair("bound", number(stop%bound))//"," &
-                   //pair("is_hard", logical_value(stop%is_hard))//"}"
+        character(len=:), allocatable :: variable
+
+        associate (measure => scene%laws%measure(stop%measure))
+            variable = ""
+            if (measure%kind == measure_joint) variable = trim(scene%joint(measure%joint)%name)//"." &
+                //trim(variable_name(measure%variable, scene%joint(measure%joint)%kind))
         end associate
+        text = "{"//pair("name", string(stop%name))//","//pair("what", string(stop%what))//"," &
+               //pair("variable", string(variable))//","//pair("side", integer_value(stop%side))//"," &
+               //pair("bound", number(stop%bound))//","//pair("is_hard", logical_value(stop%is_hard))//"}"
     end function stop_object
 
     function link_object(link, name) result(text)

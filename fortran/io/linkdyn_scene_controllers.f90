@@ -14,7 +14,8 @@ module linkdyn_scene_controllers
     use linkdyn_scene_motor_limits, only: read_positive
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_state_laws, only: read_force_law, read_coordinate_measure, add_joint_measure
+    use linkdyn_scene_state_laws, only: read_force_law, read_coordinate_measure, add_joint_measure, add_place_measure, &
+        measure_quantity
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
@@ -223,7 +224,7 @@ contains
                 "(expected a name of [measures])"//suggestion(name, (shelf%book%measure%name)), status)
             return
         end if
-        if (measure%kind == measure_joint) measured = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
+        measured = measure_quantity(scene, measure)
         if (measure%is_rate) then
             measured = rate_of(measured)
         else
@@ -245,7 +246,7 @@ contains
         controller%rate_measure = size(shelf%book%measure)
     end subroutine add_rate
 
-    !> A coordinate: a joint variable, or a place of a pose.
+    !> A coordinate: a joint variable, or a component of a pose.
     subroutine read_coordinate(place, shelf, scene, controller, measured, status)
         type(scene_place), intent(in) :: place
         type(table_shelf), intent(inout) :: shelf
@@ -256,11 +257,10 @@ contains
         type(measure_spec) :: measure
 
         measured = length
-        call read_coordinate_measure(place, scene, measure, measured, status)
+        call read_coordinate_measure(place, scene, measure, status)
         if (.not. status%is_ok()) return
-        measure%length_power = measured%power(2)
-        shelf%book%measure = [shelf%book%measure, measure]
-        controller%measure = size(shelf%book%measure)
+        measured = measure_quantity(scene, measure)
+        call add_place_measure(scene, measure, 0.0_wp, .false., shelf, controller%measure)
         call add_rate(shelf, controller)
     end subroutine read_coordinate
 

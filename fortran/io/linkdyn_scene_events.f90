@@ -6,18 +6,19 @@ module linkdyn_scene_events
     use linkdyn_expression, only: measured_value
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
         node_multiply, node_negate, node_max, node_if
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, is_pose_part, pose_attitude
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, state_law, law_over, name_len
+    use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, state_law, measure_spec, law_over, name_len, &
+        is_place, measure_joint, measure_distance
     use linkdyn_scene_forces, only: read_stiffness
-    use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
         get_text
     use linkdyn_scene_laws, only: table_shelf
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_state_laws, only: add_joint_measure, add_touch
+    use linkdyn_scene_state_laws, only: read_coordinate_measure, add_place_measure, pose_measure, measure_quantity, add_touch
     use linkdyn_status, only: status_type
+    use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
     use linkdyn_units, only: quantity_type, plain_number
@@ -124,24 +125,23 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(stop_spec) :: bumper
+        type(measure_spec) :: measure
         type(quantity_type) :: quantity
         type(toml_node) :: node(2)
         character(len=name_len) :: name
         real(wp) :: bound(2), value(2), near
         logical :: has(2), is_spring
-        integer :: k, position, rate
+        integer :: k, rate
 
         bumper%line = place%line
         call get_name(place, "name", name, status)
         if (.not. status%is_ok()) return
         place%what = "stop "//quoted(name)
-        call allow_keys(place, [character(len=11) :: "name", "joint", "variable", "min", "max", "restitution", "stiffness", &
-            "damping"], status)
-        call find_joint(scene, place, bumper%joint, status)
+        call allow_keys(place, [character(len=11) :: "name", "joint", "variable", "coordinate", "measure", "min", "max", &
+            "restitution", "stiffness", "damping"], status)
+        call read_place(place, shelf, scene, measure, bumper%what, status)
         if (.not. status%is_ok()) return
-        call find_variable(scene, place, bumper%joint, bumper%variable, status)
-        if (.not. status%is_ok()) return
-        quantity = variable_quantity(scene%joint(bumper%joint)%kind, bumper%variable)
+        quantity = measure_quantity(scene, measure)
         do k = 1, 2
             call get_quantity(place, side_key(k), quantity, bound(k), status, has(k))
         end do
@@ -154,9 +154,14 @@ contains
         else if (any(scene%stop%name == trim(name)//".min" .or. scene%stop%name == trim(name)//".max")) then
             call refuse(place, "there is a stop of that name (expected another name)", status)
         end if
+        if (measure%kind == measure_distance .and. any(has .and. bound <= 0)) then
+            k = findloc(has .and. bound <= 0, .true., dim=1)
+            call refuse_value(place, side_key(k), place%node%get(side_key(k)), "= "//to_text(bound(k))// &
+                ": where markers meet a distance has no direction (expected more than zero)", status)
+        end if
         node = [place%node%get("stiffness"), place%node%get("damping")]
         is_spring = node(1)%is_present() .or. node(2)%is_present()
-        call read_restitution(place, scene, is_spring, bumper, status)
+        call read_restitution(place, scene, measure, is_spring, bumper, status)
         if (.not. status%is_ok()) return
         value = 0
         if (is_spring) then
@@ -168,22 +173,89 @@ contains
             if (.not. status%is_ok()) return
         end if
         near = sum(bound, mask=has)/count(has)
-        call add_joint_measure(scene, bumper%joint, bumper%variable, near, .false., shelf, position)
-        call add_joint_measure(scene, bumper%joint, bumper%variable, 0.0_wp, .true., shelf, rate)
+        call add_place_measure(scene, measure, near, .false., shelf, bumper%measure)
+        call add_place_measure(scene, measure, 0.0_wp, .true., shelf, rate)
         do k = 1, 2
             if (.not. has(k)) cycle
             bumper%name = trim(name)//"."//side_key(k)
             bumper%side = side_of(k)
             bumper%bound = bound(k)
-            call add_side(bumper, position, scene)
+            call add_side(bumper, scene)
         end do
-        if (is_spring) call add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
+        if (is_spring) call add_spring(name, bumper, has, bound, value, rate, shelf, scene)
     end subroutine read_stop
 
+    !> What is stopped: a joint variable, a coordinate or a measure.
+    subroutine read_place(place, shelf, scene, measure, what, status)
+        type(scene_place), intent(in) :: place
+        type(table_shelf), intent(in) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(out) :: measure
+        character(len=*), intent(inout) :: what        !! what messages call it
+        type(status_type), intent(inout) :: status
+        character(len=10), parameter :: key(3) = [character(len=10) :: "joint", "coordinate", "measure"]
+        character(len=name_len) :: name
+        type(toml_node) :: node(3)
+        integer :: k
+
+        do k = 1, size(key)
+            node(k) = place%node%get(trim(key(k)))
+        end do
+        if (count([(node(k)%is_present(), k=1, size(key))]) /= 1) then
+            call refuse(place, "needs one of 'joint', 'coordinate' and 'measure' (expected exactly one)", status)
+            return
+        end if
+        k = findloc([(node(k)%is_present(), k=1, size(key))], .true., dim=1)
+        call get_name(place, trim(key(k)), name, status)
+        what = trim(key(k))//" "//quoted(name)
+        select case (k)
+        case (1)
+            measure%kind = measure_joint
+            call find_joint(scene, place, measure%joint, status)
+            if (status%is_ok()) call find_variable(scene, place, measure%joint, measure%variable, status)
+            return
+        case (2)
+            call read_coordinate_measure(place, scene, measure, status)
+        case (3)
+            call find_place(place, node(k), name, shelf, measure, status)
+        end select
+        node(1) = place%node%get("variable")
+        if (node(1)%is_present()) call refuse_value(place, "variable", node(1), "belongs to a joint (expected none)", status)
+        if (.not. status%is_ok() .or. measure%kind /= measure_joint) return
+        associate (part => scene%joint(measure%joint))
+            if (is_pose_part(part%kind)) measure = pose_measure(part%link(1), part%link(2), part%marker(2), measure%variable &
+                                                                + merge(3, 0, part%kind == pose_attitude), measure)
+        end associate
+    end subroutine read_place
+
+    !> A measure of the scene by its name. It must be a place: a stop of a speed would be no stop.
+    subroutine find_place(place, node, name, shelf, measure, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: name
+        type(table_shelf), intent(in) :: shelf
+        type(measure_spec), intent(inout) :: measure
+        type(status_type), intent(inout) :: status
+        integer :: k
+
+        if (.not. status%is_ok()) return
+        k = findloc(shelf%book%measure%name, name, dim=1)
+        if (k == 0) then
+            call refuse_value(place, "measure", node, "= "//quoted(name)//": there is no such measure (expected a name of "// &
+                "[measures])"//suggestion(name, (shelf%book%measure%name)), status)
+        else if (.not. is_place(shelf%book%measure(k))) then
+            call refuse_value(place, "measure", node, "= "//quoted(name)//" is no place (expected a joint variable, a marker's "// &
+                "coordinate, a distance or an angle of [measures], not a rate)", status)
+        else
+            measure = shelf%book%measure(k)
+        end if
+    end subroutine find_place
+
     !> A stop throws back, or it gives way.
-    subroutine read_restitution(place, scene, is_spring, bumper, status)
+    subroutine read_restitution(place, scene, measure, is_spring, bumper, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: measure
         logical, intent(in) :: is_spring
         type(stop_spec), intent(inout) :: bumper
         type(status_type), intent(inout) :: status
@@ -195,17 +267,16 @@ contains
         else if (.not. (bumper%restitution >= 0 .and. bumper%restitution <= 1)) then
             call refuse_value(place, "restitution", place%node%get("restitution"), "= "//to_text(bumper%restitution)// &
                 " (expected a number from 0 to 1)", status)
-        else if (bumper%is_hard .and. all(scene%joint(bumper%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, &
-                                                                         joint_screw])) then
-            call refuse_value(place, "restitution", place%node%get("restitution"), "is for joints with one axis (expected a "// &
-                "revolute, prismatic, cylindrical or screw joint, or 'stiffness')", status)
+        else if (bumper%is_hard .and. measure%kind == measure_joint) then
+            if (all(scene%joint(measure%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])) &
+                call refuse_value(place, "restitution", place%node%get("restitution"), "is for joints with one axis (expected "// &
+                "a revolute, prismatic, cylindrical or screw joint, or 'stiffness')", status)
         end if
     end subroutine read_restitution
 
     !> One side, and its gap as an event: positive while there is no contact.
-    subroutine add_side(bumper, position, scene)
+    subroutine add_side(bumper, scene)
         type(stop_spec), intent(in) :: bumper
-        integer, intent(in) :: position                !! measure of the joint variable
         type(scene_type), intent(inout) :: scene
         type(event_spec) :: event
         integer :: gap
@@ -214,20 +285,19 @@ contains
         event%stop = size(scene%stop) + 1
         event%direction = merge(-1, 0, bumper%is_hard)
         event%line = bumper%line
-        gap = depth(event%formula, bumper, position)
+        gap = depth(event%formula, bumper)
         call add_node(event%formula, formula_node(node_negate, a=gap))
         scene%event = [scene%event, event]
         scene%stop = [scene%stop, bumper]
         scene%stop(event%stop)%event = size(scene%event)
     end subroutine add_side
 
-    !> How far a joint variable is past the bound of a side, as a node.
-    integer function depth(formula, bumper, position) result(node)
+    !> How far a place is past the bound of a side, as a node.
+    integer function depth(formula, bumper) result(node)
         type(formula_type), intent(inout) :: formula
         type(stop_spec), intent(in) :: bumper
-        integer, intent(in) :: position
 
-        call add_node(formula, formula_node(node_symbol, a=position))
+        call add_node(formula, formula_node(node_symbol, a=bumper%measure))
         call add_node(formula, formula_node(node_number, number=bumper%bound))
         node = formula%n
         if (bumper%side > 0) then
@@ -239,12 +309,12 @@ contains
     end function depth
 
     !> The one-sided springs of a soft stop, as a law of a spring: what it pulls with at `max` less what it pushes with at `min`.
-    subroutine add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
+    subroutine add_spring(name, bumper, has, bound, value, rate, shelf, scene)
         character(len=*), intent(in) :: name
-        type(stop_spec), intent(in) :: bumper            !! joint, variable and line are those of both sides
+        type(stop_spec), intent(in) :: bumper            !! measure and line are those of both sides
         logical, intent(in) :: has(2)
         real(wp), intent(in) :: bound(2), value(2)     !! stiffness and damping
-        integer, intent(in) :: position, rate          !! measures
+        integer, intent(in) :: rate                    !! measure
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(state_law) :: law
@@ -261,16 +331,26 @@ contains
             side%bound = bound(k)
             ! the sides were added last, in this order
             call add_touch(size(scene%stop) - count(has(k + 1:)), shelf, touch)
-            push = one_sided_force(law%formula, side, value, position, rate, touch)
+            push = one_sided_force(law%formula, side, value, rate, touch)
             if (k == 1) call add_node(law%formula, formula_node(node_negate, a=push))
             if (total > 0) call add_node(law%formula, formula_node(node_add, a=total, b=push))
             total = law%formula%n
         end do
-        law%wraps = shelf%book%measure(position)%wraps
+        law%wraps = shelf%book%measure(bumper%measure)%wraps
         shelf%book%law = [shelf%book%law, law]
         spring%name = name
-        spring%joint = bumper%joint
-        spring%variable = bumper%variable
+        associate (measure => shelf%book%measure(bumper%measure))
+            select case (measure%kind)
+            case (measure_joint)
+                spring%joint = measure%joint
+                spring%variable = measure%variable
+            case (measure_distance)
+                spring%link = measure%link
+                spring%marker = measure%marker
+            case default
+                spring%measure = bumper%measure
+            end select
+        end associate
         spring%force%kind = law_over
         spring%force%law = size(shelf%book%law)
         spring%line = bumper%line
@@ -278,15 +358,15 @@ contains
     end subroutine add_spring
 
     !> Stiffness times depth and damping times its rate, in contact and never a pull, as a node.
-    integer function one_sided_force(formula, bumper, value, position, rate, touch) result(node)
+    integer function one_sided_force(formula, bumper, value, rate, touch) result(node)
         type(formula_type), intent(inout) :: formula
         type(stop_spec), intent(in) :: bumper
         real(wp), intent(in) :: value(2)               !! stiffness, damping
-        integer, intent(in) :: position, rate, touch   !! measures
+        integer, intent(in) :: rate, touch             !! measures
         real(wp), parameter :: any_depth = 1.0e12_wp   !! [m, rad]
         integer :: deep, is_touched, zero
 
-        deep = depth(formula, bumper, position)
+        deep = depth(formula, bumper)
         ! A run knows whether there is contact; who does not takes the depth.
         call add_node(formula, formula_node(node_symbol, a=touch))
         call add_node(formula, formula_node(node_number, number=any_depth))

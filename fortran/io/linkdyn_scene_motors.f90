@@ -4,7 +4,7 @@ module linkdyn_scene_motors
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_kind_name, drive_dc_motor, side_joint, side_voltage, has_limits
+        joint_kind_name, drive_dc_motor, side_joint, side_voltage
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
@@ -97,9 +97,6 @@ contains
             else if (actuator%drive%side == side_voltage .and. .not. motor%resistance > 0) then
                 call refuse_missing(place, "resistance", "that of the motor whose voltage the law gives, for example "// &
                     "'0.5 ohm'", status)
-            else if (actuator%drive%side == side_voltage .and. motor%inductance > 0 .and. has_limits(motor)) then
-                call refuse(place, "its current follows the voltage by the 'inductance', and nothing cuts it off (expected no "// &
-                    "limits beside it, or no 'inductance')", status)
             else if (.not. (motor%back_efficiency > 0 .or. motor%inertia > 0)) then
                 call refuse(place, "it locks itself and has no inertia, so that nothing says how it comes to rest under a law "// &
                     "at the motor (expected 'rotor_inertia', or a 'back_efficiency' above zero)", status)

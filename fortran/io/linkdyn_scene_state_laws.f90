@@ -8,25 +8,26 @@ module linkdyn_scene_state_laws
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, &
-        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, law_over, law_table
+    use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, &
+        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, law_over, &
+        law_table
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, column_in_si, table_law, spline, &
         straight_lines, require_positive
-    use linkdyn_scene_names, only: find_marker, find_joint, find_variable
+    use linkdyn_scene_names, only: find_marker, find_joint, find_variable, find_link
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_suggest, only: suggestion
     use linkdyn_spline, only: fit_spline, fit_periodic_spline
     use linkdyn_text, only: quoted, to_text
-    use linkdyn_toml, only: toml_node, toml_table, toml_string
+    use linkdyn_toml, only: toml_node, toml_table, toml_string, toml_array
     use linkdyn_units, only: quantity_type, n_dimension, dimension_text, si_unit_text, read_value, length, angle, time_span
     use linkdyn_variables, only: symbol_entry, formula_of_text
     implicit none (type, external)
     private
     public :: read_measures, read_named_laws, read_force_law, read_spring_law, read_coordinate_measure, add_joint_measure, &
-        add_touch
+        add_place_measure, pose_measure, measure_quantity, add_touch
 
     character(len=13), parameter :: over_key(9) = [character(len=13) :: "law", "table", "column", "over", "argument", &
         "interpolation", "period", "type", "at"]    ! the last two of actuators only
@@ -63,7 +64,8 @@ contains
         end do
     end subroutine read_measures
 
-    !> One measure: { joint = .. }, { coordinate = .. } or { marker = .., component = .. }, each with rate = true for how fast it changes.
+    !> One measure: { joint = .. }, { coordinate = .. }, { marker = .., component = .. } or { between = [.., ..] }, each with rate = true
+    !> for how fast it changes.
     subroutine read_measure(root, node, line, scene, measure, shelf, status)
         type(scene_place), intent(in) :: root
         type(toml_node), intent(in) :: node
@@ -73,49 +75,52 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        type(toml_node) :: joint, coordinate, marker, unwanted
+        type(toml_node) :: joint, coordinate, marker, between, unwanted
         type(quantity_type) :: quantity
         logical :: found
 
         place = place_at(root, node, "measure "//quoted(measure%name))
         place%line = line
-        call require_table(place, "a table, { joint = .. }, { coordinate = .. } or { marker = .., component = .. }", status)
+        call require_table(place, "a table, { joint = .. }, { coordinate = .. }, { marker = .., component = .. } or "// &
+            "{ between = [.., ..] }", status)
         if (.not. status%is_ok()) return
         unwanted = node%get("acceleration")
         if (unwanted%is_present()) call refuse(place, "forces that depend on accelerations would depend on themselves "// &
             "(expected a place or its rate)", status)
-        call allow_keys(place, [character(len=10) :: "joint", "variable", "coordinate", "marker", "component", "rate", "near"], &
-                        status)
+        call allow_keys(place, [character(len=11) :: "joint", "variable", "coordinate", "marker", "component", "relative_to", &
+            "between", "rate", "near"], status)
         if (.not. status%is_ok()) return
         joint = node%get("joint")
         coordinate = node%get("coordinate")
         marker = node%get("marker")
-        if (count([joint%is_present(), coordinate%is_present(), marker%is_present()]) /= 1) then
-            call refuse(place, "needs one of 'joint', 'coordinate' and 'marker' (expected exactly one)", status)
+        between = node%get("between")
+        if (count([joint%is_present(), coordinate%is_present(), marker%is_present(), between%is_present()]) /= 1) then
+            call refuse(place, "needs one of 'joint', 'coordinate', 'marker' and 'between' (expected exactly one)", status)
             return
         end if
         call get_flag(place, "rate", measure%is_rate, status)
-        quantity = length
         if (marker%is_present()) then
-            call allow_keys(place, [character(len=9) :: "marker", "component", "rate"], status)
+            call allow_keys(place, [character(len=11) :: "marker", "component", "relative_to", "rate"], status)
             call read_marker(place, marker, scene, measure, status)
+        else if (between%is_present()) then
+            call allow_keys(place, [character(len=7) :: "between", "rate"], status)
+            call read_distance(place, between, scene, measure, status)
         else if (joint%is_present()) then
             call allow_keys(place, [character(len=8) :: "joint", "variable", "rate", "near"], status)
             call find_joint(scene, place, measure%joint, status)
             if (.not. status%is_ok()) return
             call find_variable(scene, place, measure%joint, measure%variable, status)
             measure%kind = measure_joint
-            if (status%is_ok()) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
         else
-            call allow_keys(place, [character(len=10) :: "coordinate", "rate"], status)
-            call read_coordinate_measure(place, scene, measure, quantity, status)
+            call allow_keys(place, [character(len=10) :: "coordinate", "rate", "near"], status)
+            call read_coordinate_measure(place, scene, measure, status)
         end if
         if (.not. status%is_ok()) return
+        quantity = measure_quantity(scene, measure)
         call get_quantity(place, "near", quantity, measure%near, status, found)
         if (found .and. (measure%is_rate .or. quantity%unit /= "rad")) call refuse_value(place, "near", node%get("near"), &
             "belongs to an angle, which is taken within half a turn of it (expected none)", status)
-        if (status%is_ok() .and. measure%kind == measure_joint .and. .not. measure%is_rate) measure%wraps = &
-            wraps(scene%joint(measure%joint)%kind, measure%variable) .and. .not. is_coordinate(scene, measure)
+        measure%wraps = counts_no_turns(scene, measure)
         if (status%is_ok()) call add_measure(place, measure, quantity, shelf)
     end subroutine read_measure
 
@@ -127,16 +132,55 @@ contains
         logical, intent(in) :: is_rate
         type(table_shelf), intent(inout) :: shelf
         integer, intent(out) :: number                 !! of the measure
+
+        call add_place_measure(scene, measure_spec(kind=measure_joint, joint=joint, variable=variable), near, is_rate, shelf, &
+                               number)
+    end subroutine add_joint_measure
+
+    !> A place, or its rate, that no formula of the file names.
+    subroutine add_place_measure(scene, spec, near, is_rate, shelf, number)
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: spec
+        real(wp), intent(in) :: near                   !! an angle that counts no turns is taken within half a turn of this [rad]
+        logical, intent(in) :: is_rate
+        type(table_shelf), intent(inout) :: shelf
+        integer, intent(out) :: number                 !! of the measure
         type(measure_spec) :: measure
         type(quantity_type) :: quantity
 
-        measure = measure_spec(kind=measure_joint, joint=joint, variable=variable, near=near, is_rate=is_rate)
-        quantity = variable_quantity(scene%joint(joint)%kind, variable)
+        measure = spec
+        measure%name = ""
+        measure%near = near
+        measure%is_rate = is_rate
+        measure%wraps = counts_no_turns(scene, measure)
+        quantity = measure_quantity(scene, measure)
         measure%length_power = quantity%power(2)
-        if (.not. is_rate) measure%wraps = wraps(scene%joint(joint)%kind, variable) .and. .not. is_coordinate(scene, measure)
         shelf%book%measure = [shelf%book%measure, measure]
         number = size(shelf%book%measure)
-    end subroutine add_joint_measure
+    end subroutine add_place_measure
+
+    !> What a place is measured in.
+    pure function measure_quantity(scene, measure) result(quantity)
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: measure
+        type(quantity_type) :: quantity
+
+        quantity = length
+        if (measure%kind == measure_attitude) quantity = angle
+        if (measure%kind == measure_joint) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
+    end function measure_quantity
+
+    !> Is a measure an angle but for whole turns? A coordinate counts them.
+    pure logical function counts_no_turns(scene, measure)
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: measure
+
+        counts_no_turns = .false.
+        if (measure%is_rate) return
+        counts_no_turns = measure%kind == measure_attitude
+        if (measure%kind == measure_joint) counts_no_turns = &
+            wraps(scene%joint(measure%joint)%kind, measure%variable) .and. .not. is_coordinate(scene, measure)
+    end function counts_no_turns
 
     !> Whether a side of a soft stop is touched.
     subroutine add_touch(stop, shelf, number)
@@ -163,20 +207,45 @@ contains
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(inout) :: measure
         type(status_type), intent(inout) :: status
+        type(toml_node) :: relative
 
-        call find_marker(scene, place, "marker", node, measure%link, measure%marker, status)
+        call find_marker(scene, place, "marker", node, measure%link(2), measure%marker(2), status)
+        relative = place%node%get("relative_to")
+        if (relative%is_present()) call find_link(scene, place, "relative_to", measure%link(1), status)
+        if (status%is_ok() .and. relative%is_present() .and. measure%link(1) == measure%link(2)) call refuse_value(place, &
+            "relative_to", relative, "is the marker's own link (expected another link)", status)
         call get_word(place, "component", [character(len=1) :: "x", "y", "z"], measure%component, status)
         measure%kind = measure_marker
         if (status%is_ok() .and. scene%planar .and. measure%component == 3) call refuse_value(place, "component", &
             place%node%get("component"), "= 'z', which a plane has not (expected x or y)", status)
     end subroutine read_marker
 
-    !> Key `coordinate`: measured as the joint variable or the place of a link that it is.
-    subroutine read_coordinate_measure(place, scene, measure, quantity, status)
+    !> Key `between`: how far two markers are from each other.
+    subroutine read_distance(place, node, scene, measure, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(inout) :: measure
+        type(status_type), intent(inout) :: status
+        integer :: side
+
+        measure%kind = measure_distance
+        if (node%kind() /= toml_array .or. node%count() /= 2) then
+            call refuse_value(place, "between", node, "is no pair (expected two markers)", status)
+            return
+        end if
+        do side = 1, 2
+            call find_marker(scene, place, "between", node%at(side), measure%link(side), measure%marker(side), status)
+        end do
+        if (status%is_ok() .and. measure%link(1) == measure%link(2)) call refuse_value(place, "between", node, &
+            "names markers of one link (expected markers of two)", status)
+    end subroutine read_distance
+
+    !> Key `coordinate`: measured as the joint variable, the place or the angle of a link that it is.
+    subroutine read_coordinate_measure(place, scene, measure, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(inout) :: measure
-        type(quantity_type), intent(inout) :: quantity    !! of the coordinate
         type(status_type), intent(inout) :: status
         character(len=name_len) :: name
         integer :: k
@@ -194,18 +263,27 @@ contains
                 measure%kind = measure_joint
                 measure%joint = coordinate%joint
                 measure%variable = coordinate%variable
-                quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
-            else if (coordinate%unit == "m") then
-                measure%kind = measure_marker
-                measure%link = coordinate%link
-                measure%component = coordinate%variable
-                quantity = length
             else
-                call refuse_value(place, "coordinate", place%node%get("coordinate"), "= "//quoted(name)//" is an angle of a "// &
-                    "pose (expected a place of a pose, or a joint variable)", status)
+                measure = pose_measure(frame_link, coordinate%link, 0, coordinate%variable, measure)
             end if
         end associate
     end subroutine read_coordinate_measure
+
+    !> A component of the pose of a link or of its point, as another link sees it; the rest is that of another measure.
+    pure function pose_measure(reference, link, marker, component, other) result(measure)
+        integer, intent(in) :: reference, link, marker
+        integer, intent(in) :: component               !! 1 .. 6: x y z roll pitch yaw
+        type(measure_spec), intent(in) :: other
+        type(measure_spec) :: measure
+        logical :: is_angle
+
+        is_angle = component > 3
+        measure = other
+        measure%kind = merge(measure_attitude, measure_marker, is_angle)
+        measure%component = component - merge(3, 0, is_angle)
+        measure%link = [reference, link]
+        measure%marker = [0, marker]
+    end function pose_measure
 
     !> Onto the shelf, and its name among the symbols of formulas.
     subroutine add_measure(place, measure, quantity, shelf)

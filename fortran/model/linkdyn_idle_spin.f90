@@ -15,7 +15,8 @@ module linkdyn_idle_spin
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, law_spec, law_none, law_constant, axes_link, frame_link
+        joint_universal, joint_spherical, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, measure_joint, &
+        measure_marker, measure_distance, measure_attitude
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -176,15 +177,28 @@ contains
             j = model%scene%spring(i)%joint
             if (j > 0) is_idle = is_idle .and. .not. leads(j, model%scene%spring(i)%variable)
         end do
+        do i = 1, n_stop(model%scene)
+            associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
+                if (measure%kind == measure_joint) is_idle = is_idle .and. .not. leads(measure%joint, measure%variable)
+                if (measure%kind == measure_attitude) is_idle = is_idle .and. .not. feels(measure%link)
+            end associate
+        end do
 
     contains
+
+        !> Is one of two links among them?
+        pure logical function feels(link)
+            integer, intent(in) :: link(2)
+
+            feels = any(spin%link == link(1)) .neqv. any(spin%link == link(2))
+        end function feels
 
         !> Is a joint variable an angle of one of the links?
         pure logical function leads(joint, variable)
             integer, intent(in) :: joint, variable
 
             associate (link => model%joint(joint)%link, kind => model%joint(joint)%kind)
-                leads = any(spin%link == link(1)) .neqv. any(spin%link == link(2))
+                leads = feels(link)
                 if (kind == joint_cylindrical .and. variable == 2) leads = .false.
             end associate
         end function leads
@@ -265,7 +279,7 @@ contains
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
-                if (spring%joint > 0) cycle
+                if (spring%joint > 0 .or. spring%measure > 0) cycle
                 do side = 1, 2
                     l = spring%link(side)
                     if (all(spin%link /= l)) cycle
@@ -275,8 +289,29 @@ contains
                 end do
             end associate
         end do
+        do i = 1, n_stop(model%scene)
+            associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
+                if (.not. any(measure%kind == [measure_marker, measure_distance])) cycle
+                do side = 1, 2
+                    l = measure%link(side)
+                    if (all(spin%link /= l)) cycle
+                    if (distance_of(l, point_of(l, measure%marker(side))) <= exact*size_of(l)) cycle
+                    why = "stop "//quoted(model%scene%stop(i)%name)//" pushes "//quoted(model%link(l)%name)//" off it"
+                    return
+                end do
+            end associate
+        end do
 
     contains
+
+        !> A marker of a link; 0: its origin.
+        pure function point_of(l, marker) result(point)
+            integer, intent(in) :: l, marker
+            real(wp) :: point(3)
+
+            point = 0
+            if (marker > 0) point = model%scene%link(l)%marker(marker)%at
+        end function point_of
 
         pure real(wp) function distance_of(l, point)
             integer, intent(in) :: l

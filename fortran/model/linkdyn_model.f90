@@ -4,7 +4,7 @@ module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
-    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
+    use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
     implicit none (type, external)
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
@@ -17,7 +17,7 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions, gapes
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
-    public :: leads_within, drives_share, counts_for_another
+    public :: leads_within, drives_share, counts_for_another, pull_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
     real(wp), parameter :: gapes = 1.0e-6_wp
@@ -500,6 +500,18 @@ contains
         orientation_of = 0
         if (link > 0) orientation_of = model%link(link)%orientation
     end function orientation_of
+
+    !> Of a spring's own law in a similar mechanism: 1, it grows with the size as forces do, or 2, as moments do.
+    pure integer function pull_power(model, spring)
+        type(model_type), intent(in) :: model
+        type(spring_spec), intent(in) :: spring
+        logical :: turns
+
+        turns = .false.
+        if (spring%joint > 0) turns = .not. is_slide(model%joint(spring%joint)%told_kind, spring%variable)
+        if (spring%measure > 0) turns = model%scene%laws%measure(spring%measure)%length_power == 0
+        pull_power = merge(2, 1, turns)
+    end function pull_power
 
     !> Is the link the first (1) or the second (2) of the joint?
     pure integer function side_of(joint, link)

@@ -131,7 +131,7 @@ contains
                 k = at%spring(i)
                 number(k:k + 2) = [spring%stiffness, spring%damping, spring%rest]
                 number(k + 3:k + 8) = 0
-                if (spring%joint > 0) cycle
+                if (spring%joint > 0 .or. spring%measure > 0) cycle
                 do side = 1, 2
                     number(k + 3*side:k + 3*side + 2) = marker_at(spring%link(side), spring%marker(side))
                 end do

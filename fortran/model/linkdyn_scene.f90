@@ -28,7 +28,8 @@ module linkdyn_scene
     public :: law_polynomial_345, law_harmonic, law_table, law_over
     public :: measure_spec, state_law, law_book, takes_time
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
-    public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch
+    public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
+        is_place
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
@@ -68,9 +69,11 @@ module linkdyn_scene
     ! ---- what laws over the state depend on
     integer, parameter :: measure_time = 1         !! the instant
     integer, parameter :: measure_joint = 2        !! a variable of a joint
-    integer, parameter :: measure_marker = 3       !! a coordinate of a marker, world axes
+    integer, parameter :: measure_marker = 3       !! a coordinate of a marker, in the axes of a link that sees it
     integer, parameter :: measure_spring = 4       !! of a spring: by how much it is longer than at rest
     integer, parameter :: measure_touch = 5        !! of a side of a soft stop: 1 in contact, -1 apart, 0 where no run knows it
+    integer, parameter :: measure_distance = 6     !! of two markers
+    integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
@@ -183,9 +186,9 @@ module linkdyn_scene
         integer :: variable = 1                   !! of the joint
         real(wp) :: near = 0                      !! an angle that is no coordinate is taken within half a turn of this [rad]
         logical :: wraps = .false.                !! it is an angle that counts no turns
-        integer :: link = 0
-        integer :: marker = 0                     !! of the link; 0: its origin
-        integer :: component = 0                  !! 1 2 3: x y z
+        integer :: link(2) = 0                    !! of a distance: of both markers; else the one that sees, and the one that is seen
+        integer :: marker(2) = 0                  !! of these links; 0: the origin
+        integer :: component = 0                  !! 1 2 3: x y z, or roll pitch yaw
         integer :: spring = 0
         integer :: stop = 0                       !! side of one
         integer :: length_power = 0               !! of its dimension
@@ -340,8 +343,9 @@ module linkdyn_scene
     !> Between markers it pulls along their line: stiffness (d - rest) + damping d(d)/dt at distance d.
     type :: spring_spec
         character(len=name_len) :: name = ""
-        integer :: joint = 0                      !! 0: between two markers
+        integer :: joint = 0                      !! 0: between two markers, or along a measure
         integer :: variable = 1                   !! which variable of the joint
+        integer :: measure = 0                    !! of a place that the law `force` pulls back; 0: none
         integer :: link(2) = 0                    !! first and second link of a spring between markers
         integer :: marker(2) = 0
         real(wp) :: stiffness = 0                 !! [N/m], [N m/rad] at an angle
@@ -369,12 +373,13 @@ module linkdyn_scene
         integer :: line = 0
     end type event_spec
 
-    !> One side of an end stop of a joint variable. A soft one is a spring besides, whose law has the force.
+    !> One side of an end stop: a place, which a measure tells, does not go past it. A soft one is a spring besides, whose law has the
+    !> force.
     type :: stop_spec
         character(len=2*name_len) :: name = ""    !! "buffer.max"
-        integer :: joint = 0
-        integer :: variable = 1                   !! of the joint
-        integer :: side = 1                       !! +1: the variable does not pass it upwards, -1: downwards
+        character(len=2*name_len) :: what = ""    !! it stops, in messages: "joint 'guide'", "measure 'height'"
+        integer :: measure = 0                    !! of the place; pushes act along it
+        integer :: side = 1                       !! +1: the place does not pass it upwards, -1: downwards
         real(wp) :: bound = 0                     !! [m, rad]
         logical :: is_hard = .false.              !! it throws back
         real(wp) :: restitution = 0               !! speed after an impact over the one before, of a hard one
@@ -595,8 +600,17 @@ contains
     pure elemental logical function pulls_in_line(spring)
         type(spring_spec), intent(in) :: spring
 
-        pulls_in_line = spring%joint == 0 .and. (spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none)
+        pulls_in_line = spring%joint == 0 .and. spring%measure == 0 &
+                        .and. (spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none)
     end function pulls_in_line
+
+    !> Does a measure tell where something is, by coordinates alone? Forces and impulses may act along such a one.
+    pure elemental logical function is_place(measure)
+        type(measure_spec), intent(in) :: measure
+
+        is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude]) .and. &
+                   .not. measure%is_rate
+    end function is_place
 
     !> Are there stops that throw back?
     pure logical function has_hard_stops(scene)

@@ -2,19 +2,18 @@
 !> markers, stretches of springs, and how fast motors turn. The laws are evaluated outside of it, and their values go into the next
 !> program.
 module linkdyn_measure_program
-    use linkdyn_bodies, only: point_position, point_velocity
     use linkdyn_inputs, only: trace_request, sample_set
-    use linkdyn_joint_variables, only: variable_near, variable_rate
-    use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, in_own_axes
+    use linkdyn_joint_variables, only: variable_rate
+    use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: model_type
+    use linkdyn_place_variables, only: place_value, place_rate
     use linkdyn_record, only: record_type, open_record, close_record
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, frame_link, side_joint
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, measure_distance, measure_attitude, &
+        side_joint
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_springs, only: measure_spring_stretch
     use linkdyn_trace, only: traced_type, trace_motion
-    use linkdyn_value, only: value, constant, zero
-    use linkdyn_vector, only: vector, vector_of, components
+    use linkdyn_value, only: value, zero
     implicit none (type, external)
     private
     public :: make_measure_program, out_measures
@@ -61,44 +60,19 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
         type(value) :: number
-        type(value) :: found(2), component(3)
-        type(vector) :: point
-        integer :: k
+        type(value) :: found(2)
 
         number = zero()
         select case (spec%kind)
-        case (measure_joint)
+        case (measure_joint, measure_marker, measure_distance, measure_attitude)
             if (spec%is_rate) then
-                number = variable_rate(mechanism, spec%joint, spec%variable)
+                number = place_rate(mechanism, spec)
             else
-                number = variable_near(mechanism, spec%joint, spec%variable, constant(spec%near))
+                number = place_value(mechanism, spec)
             end if
-        case (measure_marker)
-            point = in_own_axes(mechanism, spec%link, vector_of([(constant(at(mechanism%model, spec, k)), k=1, 3)]))
-            if (spec%is_rate) then
-                component = components(point_velocity(mechanism%bodies, spec%link, point))
-            else
-                component = components(point_position(mechanism%bodies, spec%link, point))
-            end if
-            number = component(spec%component)
         case (measure_spring)
             call measure_spring_stretch(mechanism, spec%spring, found(1), found(2))
             number = found(merge(2, 1, spec%is_rate))
         end select
     end function measured
-
-    !> Where the marker of a measure is on its link.
-    pure real(wp) function at(model, spec, k)
-        type(model_type), intent(in) :: model
-        type(measure_spec), intent(in) :: spec
-        integer, intent(in) :: k                   !! 1 2 3: x y z
-
-        at = 0
-        if (spec%marker == 0) return
-        if (spec%link == frame_link) then
-            at = model%scene%frame%marker(spec%marker)%at(k)
-        else
-            at = model%scene%link(spec%link)%marker(spec%marker)%at(k)
-        end if
-    end function at
 end module linkdyn_measure_program

@@ -12,7 +12,7 @@ module linkdyn_recorded_rates
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_measure_program, only: make_measure_program, out_measures
-    use linkdyn_model, only: model_type, place_size
+    use linkdyn_model, only: model_type, place_size, pull_power
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
@@ -200,12 +200,8 @@ contains
             end do
             do i = 1, size(model%scene%spring)
                 associate (spring => model%scene%spring(i))
-                    scale = book%scale
-                    if (spring%joint > 0) then
-                        if (.not. is_slide(model%joint(spring%joint)%told_kind, spring%variable)) scale = scale**2
-                    end if
                     samples%pull(i, :n) = 0
-                    call add(spring%force, scale, samples%pull(i, :))
+                    call add(spring%force, book%scale**pull_power(model, spring), samples%pull(i, :))
                 end associate
             end do
             do i = 1, model%n_actuator

@@ -817,7 +817,8 @@ class Builder:
 
     def measure(
         self, name: str, *, joint: str | Joint | None = None, variable: str | None = None, coordinate: str | None = None, marker: str | None = None,
-        component: Literal["x", "y", "z"] | None = None, rate: bool | None = None, near: Quantity | None = None,
+        component: Literal["x", "y", "z"] | None = None, relative_to: str | Link | None = None, between: Sequence[str] | None = None,
+        rate: bool | None = None, near: Quantity | None = None,
     ) -> str:  # fmt: skip
         """A number that forces may depend on; its name, for formulas.
 
@@ -829,8 +830,10 @@ class Builder:
             It is this joint variable [m, rad],
         coordinate
             or this coordinate [m, rad],
-        marker, component
-            or the place of this marker [m].
+        marker, component, relative_to
+            or the place of this marker [m], as that link sees it,
+        between
+            or the distance of these two markers [m].
         rate
             True: how fast that changes.
         near
@@ -885,17 +888,22 @@ class Builder:
         self._add("event", locals())
 
     def stop(
-        self, name: str, joint: str | Joint, *, variable: str | None = None, min: Quantity | None = None, max: Quantity | None = None,
-        stiffness: Quantity | None = None, damping: Quantity | None = None, restitution: Quantity | None = None, repeat: int | None = None,
+        self, name: str, joint: str | Joint | None = None, *, variable: str | None = None, coordinate: str | None = None,
+        measure: str | None = None, min: Quantity | None = None, max: Quantity | None = None, stiffness: Quantity | None = None,
+        damping: Quantity | None = None, restitution: Quantity | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
-        """An end stop of a joint variable: it gives way like a spring, or throws back.
+        """An end stop of a joint variable, a component of a pose or a measure: it gives way like a spring, or throws back.
 
         Parameters
         ----------
         name
             Its name.
         joint, variable
-            The joint; which variable, if it has several.
+            The joint; which variable, if it has several,
+        coordinate
+            or this coordinate,
+        measure
+            or this measure of a place: a marker's coordinate, a distance.
         min, max
             Where contact begins [m, rad].
         stiffness, damping

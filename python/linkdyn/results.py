@@ -273,7 +273,7 @@ def passed_stops(scene: dict[str, Any], run: xr.Dataset) -> str:
             continue
         n, first = int(beyond.sum()), int(beyond.argmax())
         place = f"t = {float(run['time'][first]):.6g} s" if "time" in run.coords else f"sample {first}"
-        told.append(f"'{stop['name']}' of joint '{stop['joint']}' by {n} sample{'s' * (n > 1)}, first at {place}")
+        told.append(f"'{stop['name']}' of {stop['what']} by {n} sample{'s' * (n > 1)}, first at {place}")
     return "; ".join(told)
 
 

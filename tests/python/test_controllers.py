@@ -327,6 +327,29 @@ def test_computed_torque_follows_its_target(method: str) -> None:
     assert np.abs(run.power_imbalance).max() < 1e-11
 
 
+@pytest.mark.parametrize("rate", [{}, {"rate": "20 kHz"}])
+def test_computed_torque_knows_what_gears_lose(rate: dict[str, Any]) -> None:
+    """n T = F + R, R = c |F'| tanh(n s'/w0) with c by the direction of power: with that ahead nothing is left to correct."""
+    n, rotor, eta, back, creep = 40.0, 2e-5, 0.6, 0.45, 0.5
+    drive = {"ratio": n, "rotor_inertia": rotor, "efficiency": eta, "back_efficiency": back, "creep_speed": creep}
+    law = {"at": "motor", "target": "motion", "kp": 8.0, "kd": 0.6, "feed_forward": "inverse", **rate}
+    lossy = arm(actuator=[{"joint": joint, "drive": drive} for joint in "SE"], controller=[{"actuator": joint, **law} for joint in "SE"])
+    scene = linkdyn.Scene(lossy | {"time": {"end": 0.6, "samples": 31}})
+    run = scene.forward(want="all", method="gbs", rtol=1e-10, atol=1e-12)
+    within = 1e-9 if not rate else 2e-4
+    assert np.abs(run.controller_error).max() < within
+    force = scene.inverse(t=run.time.values).driving_force.values
+    t = run.time.values[:, None]
+    amplitude, frequency, phase = np.array([0.5, 0.6]), 2 * np.pi * np.array([0.7, 1.1]), np.array([0, 0.3])
+    speed = amplitude * frequency * np.cos(frequency * t + phase)
+    sent = force + n**2 * rotor * amplitude * frequency**2 * np.sin(frequency * t + phase)
+    lost = np.where(sent * speed > 0, 1 / eta - 1, 1 - back) * np.abs(sent) * np.tanh(n * speed / creep)
+    torque = (force + lost) / n
+    assert np.abs(lost).max() > 0.3 * np.abs(force).max() and (sent * speed > 0).any() and (sent * speed < 0).any()
+    if not rate:
+        np.testing.assert_allclose(run.controller_output.values, torque, rtol=0, atol=1e-6)
+
+
 def test_gravity_holds() -> None:
     """Gravity alone ahead of a PD: the arm comes to rest at its target, which a PD alone does not reach; the output there is that of statics."""
     tables = {

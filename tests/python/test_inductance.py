@@ -113,3 +113,73 @@ def test_a_controller_at_the_terminals() -> None:
         q, qd, i, _ = exponential(a * run.time.values[k])[:, 3]
         assert run.q.values[k, 0] == pytest.approx(q, abs=2e-8)
         assert run.motor_current.values[k, 0] == pytest.approx(i, abs=1e-6)
+
+
+def first_instant(is_past: Any, last: float) -> float:
+    """Of a change in between."""
+    low, high = 0.0, last
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if is_past(middle) else (middle, high)
+    return low
+
+
+def limited_start(largest: float, t: np.ndarray) -> np.ndarray:
+    """(angle, speed, current) under 24 V: the current is free, led to its limit, and free again; each part by the matrix exponential."""
+    inertia, pace, out = J + N**2 * ROTOR, 100 * R / L, np.empty((len(t), 3))
+    motion = [[0, 1, 0, 0], [0, -C / inertia, N * K / inertia, 0]]
+    asked, led = np.array([0, -K * N, -R, 24.0]) / L, pace * np.array([0, 0, -1, largest])
+    free, held = (np.array([*motion, row, [0, 0, 0, 0]]) for row in (asked, led))
+    parts = [(0.0, np.array([0, 0, 0, 1.0]), free)]
+    for matrix, more, last in ((held, asked - led, 5e-3), (free, led - asked, 0.2)):
+        begin, start, before = parts[-1]
+        lasts = first_instant(lambda s: more @ exponential(before * s) @ start > 0, last)
+        parts.append((begin + lasts, exponential(before * lasts) @ start, matrix))
+    for k, now in enumerate(t):
+        begin, start, matrix = [part for part in parts if part[0] <= now][-1]
+        out[k] = (exponential(matrix * (now - begin)) @ start)[:3]
+    return out
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("limit", [{"current_limit": "9 A"}, {"torque_limit": 9 * K, "current_limit": "20 A"}])
+@pytest.mark.parametrize("method", ["gbs", "seulex", "rk4"])
+def test_a_current_within_its_limit(limit: dict[str, Any], sense: int, method: str) -> None:
+    """The drive cuts the voltage to what leads the current to its limit, until less is asked for."""
+    accuracy: dict[str, Any] = {"step": 1e-5} if method == "rk4" else {"rtol": 1e-9, "atol": 1e-10}
+    scene = linkdyn.Scene(machine(f"{24 * sense} V", **limit) | {"time": {"end": 0.2, "samples": 101}})
+    run = scene.forward(want="all", method=method, **accuracy)
+    exact = sense * limited_start(9.0, run.time.values)
+    assert 20 < np.count_nonzero(np.abs(exact[:, 2]) > 8.999) < 100
+    np.testing.assert_allclose(run.q.values[:, 0], exact[:, 0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.qd.values[:, 0], exact[:, 1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(run.motor_current.values[:, 0], exact[:, 2], rtol=0, atol=2e-5)
+    assert np.abs(run.motor_current.values).max() <= 9 + 1e-7  # but for errors of steps
+
+
+def test_a_limited_current_in_long_runs_and_ensembles() -> None:
+    """The record of a long run and the lanes; members of an ensemble. The voltage told is the one that the drive has cut."""
+    scene = linkdyn.Scene(machine("24 V*sin(30 rad/s*time)", current_limit="6 A") | {"time": {"end": 1.0, "samples": 1001}})
+    accuracy: dict[str, Any] = {"method": "gbs", "rtol": 1e-8, "atol": 1e-9}
+    one, other = scene.forward(want="all", **accuracy), scene.forward(want="all", solver="lapack", **accuracy)
+    np.testing.assert_allclose(one.q.values, other.q.values, atol=1e-6)
+    held = np.abs(one.motor_current.values[:, 0]) > 6 * (1 - 1e-6)
+    assert held.sum() > 100
+    members = scene.ensemble([[0.0]] * 2, [[0.0]] * 2, [0.0, 1.0], step=2e-5)
+    np.testing.assert_allclose(members.q.values[:, -1, 0], one.q.values[-1, 0], atol=1e-6)
+    told = cycle.motor(one, "A", scene).motor_voltage.values
+    asked = 24 * np.sin(30 * one.time.values)
+    within = np.logical_and.reduce([np.roll(held, k) for k in range(-3, 4)])
+    np.testing.assert_allclose(told[within], R * one.motor_current.values[within, 0] + K * N * one.qd.values[within, 0], atol=1e-2)
+    assert np.all(np.sign(one.motor_current.values[within, 0]) * (asked - told)[within] > -1e-2)
+
+
+def test_a_limit_that_falls_with_the_speed() -> None:
+    """The current follows what a power limit leaves of it, later by the controller's time."""
+    run = linkdyn.Scene(machine("24 V", current_limit="20 A", power_limit="60 W")).forward(want="all", rtol=1e-9, atol=1e-10)
+    left = 60 / (K * N * np.maximum(run.qd.values[:, 0], 1e-9))
+    current = run.motor_current.values[:, 0]
+    slope = np.gradient(left, run.time.values)
+    at = slice(20, 60)  # 10 to 30 ms: the speed has come to where the power counts
+    assert np.all(current[at] > 0.5 * left[at]) and np.all(left[at] < 20)
+    np.testing.assert_allclose(current[at], left[at] - slope[at] * L / (100 * R), rtol=2e-3)

@@ -1,0 +1,129 @@
+!> Places that measures tell, and their rates: joint variables, coordinates of markers, distances, attitudes.
+module linkdyn_place_variables
+    use linkdyn_attitude, only: angles_of_rotation, rates_of_angles
+    use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity
+    use linkdyn_constants, only: pi
+    use linkdyn_joint_kind, only: axis_of
+    use linkdyn_joint_variables, only: variable_near, variable_rate
+    use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
+    use linkdyn_model, only: model_type
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, frame_link
+    use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_vector, only: vector, rotation, vector_of, operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.unrotate.)
+    implicit none (type, external)
+    private
+    public :: place_value, place_rate, place_point, place_gap, relative_attitude
+
+contains
+
+    !> Where it is [m, rad]; of angles that differ by whole turns the one nearest to `near`.
+    function place_value(mechanism, spec) result(number)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec         !! one of a place
+        type(value) :: number
+        type(value) :: angle(3)
+        type(vector) :: gap
+
+        select case (spec%kind)
+        case (measure_joint)
+            number = variable_near(mechanism, spec%joint, spec%variable, constant(spec%near))
+        case (measure_marker)
+            number = place_gap(mechanism, spec) .dot.axis_of(scene_rotation(mechanism, spec%link(1)), spec%component)
+        case (measure_distance)
+            gap = place_gap(mechanism, spec)
+            number = sqrt(gap.dot.gap)
+        case default
+            angle = angles_of_rotation(relative_attitude(mechanism, spec))
+            number = angle(spec%component)
+            number = number + (2*pi)*nearest_whole((1/(2*pi))*(constant(spec%near) - number))
+        end select
+    end function place_value
+
+    !> How fast it changes [m/s, rad/s].
+    function place_rate(mechanism, spec) result(rate)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec         !! one of a place
+        type(value) :: rate
+        type(value) :: of_angles(3)
+        type(vector) :: gap, velocity, omega
+
+        associate (link => spec%link, bodies => mechanism%bodies)
+            if (spec%kind == measure_joint) then
+                rate = variable_rate(mechanism, spec%joint, spec%variable)
+                return
+            end if
+            gap = place_gap(mechanism, spec)
+            velocity = point_velocity(bodies, link(2), place_point(mechanism, spec, 2)) &
+                       - point_velocity(bodies, link(1), place_point(mechanism, spec, 1))
+            select case (spec%kind)
+            case (measure_marker)
+                velocity = velocity - (omega_of(bodies, link(1), world_axes) .cross.gap)
+                rate = velocity.dot.axis_of(scene_rotation(mechanism, link(1)), spec%component)
+            case (measure_distance)
+                rate = reciprocal(sqrt(gap.dot.gap))*(gap.dot.velocity)
+            case default
+                omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+                of_angles = rates_of_angles(relative_attitude(mechanism, spec), scene_rotation(mechanism, link(1)) .unrotate.omega)
+                rate = of_angles(spec%component)
+            end select
+        end associate
+    end function place_rate
+
+    !> One of the two points of a measure, in its link's own axes: the origin of the link that sees, or a marker.
+    function place_point(mechanism, spec, side) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: side
+        type(vector) :: point
+
+        if (spec%marker(side) == 0) then
+            point = scene_point_of_origin(mechanism, spec%link(side))
+        else
+            point = in_own_axes(mechanism, spec%link(side), &
+                                vector_of(constants(marker_at(mechanism%model, spec%link(side), spec%marker(side)))))
+        end if
+    end function place_point
+
+    !> From the first point to the second, world axes [m].
+    function place_gap(mechanism, spec) result(gap)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: gap
+
+        gap = point_position(mechanism%bodies, spec%link(2), place_point(mechanism, spec, 2)) &
+              - point_position(mechanism%bodies, spec%link(1), place_point(mechanism, spec, 1))
+    end function place_gap
+
+    !> From the axes of the link that is seen to those of the one that sees it.
+    function relative_attitude(mechanism, spec) result(r)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(rotation) :: r
+
+        associate (a => scene_rotation(mechanism, spec%link(1)), b => scene_rotation(mechanism, spec%link(2)))
+            r = rotation(a.unrotate.b%x, a.unrotate.b%y, a.unrotate.b%z)
+        end associate
+    end function relative_attitude
+
+    pure function marker_at(model, link, marker) result(at)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, marker
+        real(wp) :: at(3)
+
+        if (link == frame_link) then
+            at = model%scene%frame%marker(marker)%at
+        else
+            at = model%scene%link(link)%marker(marker)%at
+        end if
+    end function marker_at
+
+    function constants(number) result(v)
+        real(wp), intent(in) :: number(3)
+        type(value) :: v(3)
+        integer :: k
+
+        v = [(constant(number(k)), k=1, 3)]
+    end function constants
+end module linkdyn_place_variables
