@@ -281,6 +281,7 @@ contains
         measure = other
         measure%kind = merge(measure_attitude, measure_marker, is_angle)
         measure%component = component - merge(3, 0, is_angle)
+        measure%joint = 0
         measure%link = [reference, link]
         measure%marker = [0, marker]
     end function pose_measure

@@ -152,6 +152,22 @@ def test_an_angle_of_a_pose_in_space(angle):
     assert_impacts_take_all_energy_lost(run)
 
 
+@pytest.mark.parametrize("stop", [{"coordinate": "platform.z", "min": 0.58}, {"coordinate": "platform.roll", "max": 0.04}, {"coordinate": "platform.pitch", "min": -0.02}])
+def test_parts_of_a_pose(stop):
+    """A platform on three legs that coordinates lead by height and tilt."""
+    description = tomllib.loads((EXAMPLES / "tripod" / "scene.toml").read_text())
+    for taken in ("load", "actuator"):
+        description.pop(taken)
+    description["coordinate"][0].pop("motion")
+    description["coordinate"][0]["start"] = {"z": {"position": 0.6}, "roll": {"position": 0.02, "velocity": 1.0}, "pitch": {"position": 0.01, "velocity": -1.2}}
+    run = linkdyn.Scene(description | {"stop": [{"name": "S", "restitution": 0.5} | stop]}).forward(t=np.linspace(0, 0.1, 11), rtol=1e-10, atol=1e-11)
+    k = ["platform.z", "platform.roll", "platform.pitch"].index(stop["coordinate"])
+    assert run.attrs["stopped"] == "" and kinds(run) == ["impact"]
+    assert float(run.event_q[0, k]) == pytest.approx(stop.get("min", stop.get("max")), abs=1e-11)
+    assert float(run.event_qd_after[0, k]) == pytest.approx(-0.5 * float(run.event_qd[0, k]), rel=1e-9)
+    assert_impacts_take_all_energy_lost(run)
+
+
 def test_an_angle_of_a_pose_counts_its_turns():
     # Free to turn backwards without end, and stopped forwards.
     def events(rate: float) -> int:
@@ -468,3 +484,24 @@ def test_a_simulator_stands_on_its_stop():
     place[2] = 0.1
     with pytest.raises(linkdyn.InputError, match=r"coordinate 'body\.z' starts 0\.1 beyond it"):
         simulator.reset(place)
+
+
+def test_a_sweep_has_the_force_of_a_soft_stop():
+    # Over a coordinate and the place of the floor, against the moments by hand of the pendulum at rest.
+    pendulum = floor_oracle.Pendulum(np.array([0.7, 0.6]), np.array([0.3, 0.25]), np.array([1.5, 0.8]), np.array([0.06, 0.03]), -0.9, 0.0)
+    scene = pendulum_scene(
+        pendulum, np.array([-1.0, -1.3]), variables={"floor": -0.9}, actuator=[{"joint": "O"}, {"joint": "E"}],
+        stop=[{"name": "mat", "measure": "height", "min": "floor", "stiffness": 800.0}],
+        sweep={"axis": [{"coordinate": "O", "values": [-1.2, -0.8, -0.3]}, {"parameter": "variables.floor", "values": [-1.3, -1.0, -0.7]}],
+               "keep": ["driving_force"]},
+    )  # fmt: skip
+    found = scene.sweep()
+    q1, floor = np.tile([-1.2, -0.8, -0.3], 3), np.repeat([-1.3, -1.0, -0.7], 3)  # designs come first
+    angle = np.column_stack([q1, q1 - 0.3])
+    row = pendulum.length * np.cos(angle)
+    push = 800 * np.maximum(0, floor - np.sin(angle) @ pendulum.length)
+    (m1, m2), (c1, c2) = pendulum.mass, pendulum.middle
+    weight = GRAVITY * np.cos(angle) * np.array([m1 * c1 + m2 * pendulum.length[0], m2 * c2])
+    both = weight - push[:, None] * row
+    assert 2 < (push > 0).sum() < 8
+    np.testing.assert_allclose(found.driving_force.values.reshape(-1, 2), np.column_stack([both.sum(axis=1), both[:, 1]]), rtol=1e-10)
