@@ -8,27 +8,21 @@
 !> Where a coordinate comes to its dead point, another joint variable is integrated in its place: the run goes on in
 !> another phase. Results are told in the user's coordinates all the same.
 module linkdyn_forward
-    use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
-    use linkdyn_builder, only: build_model
-    use linkdyn_carried_assembly, only: keep_evaluated, count_passed
+    use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_clutch_states, only: clutch_states, state_open, state_slips, state_holds
-    use linkdyn_constants, only: two_pi
     use linkdyn_controllers, only: controllers_type
-    use linkdyn_coordinate_watch, only: dead_coordinate
-    use linkdyn_event_log, only: event_log, event_entry, add_entry
-    use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
-    use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
-    use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
-    use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
-        rates_by_record
+    use linkdyn_exchange, only: coordinate_now
+    use linkdyn_failure, only: failure_at
+    use linkdyn_forward_course, only: start_integrator, go_to
+    use linkdyn_forward_kinks, only: next_kink, is_there_by
+    use linkdyn_forward_phase, only: forward_options, plan_phase
+    use linkdyn_forward_run, only: forward_run, finish_forward, passed_now
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
-    use linkdyn_forward_record, only: evaluations_before_record
-    use linkdyn_forward_system, only: forward_system, build_forward_system
-    use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
-        stop_growth, stop_roughness, stop_pace, stop_law, stop_event
+    use linkdyn_forward_words, only: coordinates_in_words, rounding_in_words
+    use linkdyn_integrator, only: integrator_options, choose_method, check_options, method_name, default_method, method_rk4, &
+        method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -36,26 +30,18 @@ module linkdyn_forward
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
-        has_hard_stops
-    use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
-    use linkdyn_stop_starts, only: touch_width, refuse_beyond_stops, begin_at_stops, find_passed
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
-        sample_unreachable, sample_branch_lost, sample_not_converged
-    use linkdyn_stiffest_part, only: find_stiffest
+    use linkdyn_scene, only: frame_link, law_none, n_stop, n_clutch, n_controller, has_hard_stops
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_singular
+    use linkdyn_stop_starts, only: refuse_beyond_stops, find_passed
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_threads, only: team_size
-    use linkdyn_turns, only: turn_count
     use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, run_ensemble, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name
-    public :: default_method
+    public :: run_forward, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
     !> Where the results of a chunk go; what is not associated is not computed.
@@ -76,33 +62,6 @@ module linkdyn_forward
         integer, pointer :: clutch_state(:, :) => null()       !! one of `state_*` (n_clutch, n)
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
     end type forward_results
-
-    !> A run under way.
-    type :: forward_run
-        type(model_type), pointer :: own => null()     !! with the user's coordinates
-        type(model_type), pointer :: model => null()   !! with those integrated now
-        type(forward_system), pointer :: system => null()
-        type(integrator_type) :: integrator
-        type(forward_options) :: options
-        type(phase_box), allocatable :: known(:)       !! phases planned so far, or refused; none: a member of an ensemble
-        integer :: phase = 1                           !! of them the one under way
-        integer, allocatable :: later_phase(:)         !! phases entered since the start
-        real(wp), allocatable :: entered_at(:)         !! [s]
-        integer :: step_entered = -1                   !! steps done when the phase was entered
-        integer :: n_exchanged = 0                     !! coordinates since the last step
-        integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
-        real(wp), allocatable :: y(:, :)               !! reached by the steps (lane, n)
-        real(wp), allocatable :: output(:, :)          !! at the instant of output (lane, n)
-        type(turn_count) :: turns                      !! of the samples given
-        integer :: n_crossed = 0                       !! change points passed before the last sample computed
-        integer :: n_passed = 0                        !! before the last sample given, or where the run has stopped
-        type(kink_list) :: kinks
-        logical :: has_stopped = .false.
-        logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
-        real(wp) :: good_until = 0                     !! [s]
-        real(wp) :: t_given = -huge(1.0_wp)            !! instant of the last sample given [s]
-        character(len=256) :: reason = ""              !! why it stopped
-    end type forward_run
 
 contains
 
@@ -152,20 +111,6 @@ contains
         run%good_until = options%t_start
         call start_integrator(run, model, options, status)
     end subroutine start_forward
-
-    subroutine start_integrator(run, model, options, status)
-        type(forward_run), intent(inout) :: run
-        type(model_type), intent(in) :: model
-        type(forward_options), intent(in) :: options
-        type(status_type), intent(inout) :: status
-
-        call collect_kinks(model, options%t_start, options%t_start + options%integrator%span, run%kinks)
-        run%output = run%y
-        call begin_at_stops(run%system, options%t_start, run%y)
-        call run%system%begin_with_clutches(options%t_start, run%y)
-        call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
-        where (run%system%is_driven_through) run%integrator%failed = .true.
-    end subroutine start_integrator
 
     !> A run that is beyond a stop has lost a contact, as it may where several come at once: better no results than those.
     subroutine stop_where_passed(run, t)
@@ -464,14 +409,6 @@ contains
         if (associated(results%is_limited)) results%is_limited(:, i) = merge(1, 0, control%is_limited(1, :) .and. is_good)
     end subroutine tell_controllers
 
-    !> Change points passed up to the sample computed last, or, where the run cannot go on to it, up to where it has stopped.
-    pure integer function passed_now(run) result(n)
-        type(forward_run), intent(in) :: run
-
-        n = run%n_crossed
-        if (run%has_stopped .and. .not. run%is_over) n = max(n, run%system%assembly%n_crossed(1))
-    end function passed_now
-
     !> A sample's coordinates as the user has them, and what was integrated in their place.
     subroutine tell_coordinates(run, q, qd, i, lane, results)
         type(forward_run), intent(in) :: run
@@ -494,294 +431,6 @@ contains
             if (associated(results%stand_in)) results%stand_in(:, i) = choice
         end associate
     end subroutine tell_coordinates
-
-    !> Integrate to t, stopping at every kink on the way.
-    subroutine go_to(run, t)
-        type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t
-
-        real(wp) :: kink
-
-        do
-            kink = next_kink(run%kinks, run%system)
-            if (.not. is_there_by(kink, t) .or. all(run%integrator%failed)) exit
-            call advance_to(run, kink)
-            if (run%integrator%is_paused) return
-            call pass_kink(run%kinks, run%system, run%integrator, run%y, kink)
-        end do
-        call advance_to(run, max(t, run%kinks%passed))
-        run%good_until = run%integrator%good_until(1)
-        run%has_stopped = run%integrator%failed(1)
-        if (.not. run%has_stopped) return
-        run%is_over = run%integrator%reason == stop_event .and. .not. run%system%is_driven_through(1)
-        call hold_texts()
-        run%reason = reason_of_stop(run)
-        call release_texts()
-    end subroutine go_to
-
-    !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
-    subroutine advance_to(run, t)
-        type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t
-        real(wp) :: kink
-
-        do
-            ! Instants behind the last step are looked at before anything changes.
-            if ((run%integrator%t > t .or. (run%integrator%t >= t .and. run%system%n_guard > 0)) &
-                .and. .not. all(run%integrator%failed)) then
-                continue
-            else if (all(run%integrator%failed) .and. run%integrator%reason == stop_event) then
-                exit
-            else if (run%system%wants_rest .or. all(run%integrator%failed)) then
-                call change_phase(run)
-            end if
-            if (all(run%integrator%failed)) exit
-            kink = next_kink(run%kinks, run%system)
-            if (kink < huge(kink)) then
-                call run%integrator%advance(run%system, t, run%y, run%output, max(t, kink))
-            else
-                call run%integrator%advance(run%system, t, run%y, run%output)
-            end if
-            if (run%integrator%is_paused .or. run%integrator%is_there) return
-        end do
-    end subroutine advance_to
-
-    !> Exchange a coordinate that is near its dead point. If none can be had for it the run goes on as it is, until it
-    !> is at that point.
-    subroutine change_phase(run)
-        type(forward_run), intent(inout) :: run
-        logical :: is_new
-
-        run%system%wants_rest = .false.
-        if (.not. run%system%watch%is_on) return
-        ! Between two steps a coordinate is exchanged once.
-        if (run%integrator%n_step /= run%step_entered) run%n_exchanged = 0
-        if (run%n_exchanged >= run%own%n_q .and. .not. all(run%integrator%failed)) return
-        call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
-        is_new = .false.
-        ! A phase that has failed at its first step is no improvement.
-        if (run%options%switches .and. .not. (all(run%integrator%failed) .and. run%integrator%n_step == run%step_entered)) then
-            call hold_texts()
-            call find_better_phase(run, is_new)
-            call release_texts()
-        end if
-        if (is_new) return
-        run%system%watch%may_exchange = .false.
-        run%dead_coordinate = dead_coordinate(run%system%watch, all(run%integrator%failed))
-        if (run%dead_coordinate > 0) run%integrator%failed = .true.
-    end subroutine change_phase
-
-    subroutine find_better_phase(run, is_found)
-        type(forward_run), intent(inout) :: run
-        logical, intent(out) :: is_found
-        real(wp), parameter :: least_ratio = 1.5_wp    !! every exchange is an improvement, so that they come to an end
-        type(model_type), allocatable :: model(:)
-        type(scene_type) :: scene
-        type(status_type) :: status
-        integer, allocatable :: choices(:, :), phase(:), n_iterated(:)
-        integer :: i
-
-        associate (from => run%known(run%phase)%phase)
-            call list_choices(run%own, run%system%watch, from%choice, least_ratio, choices)
-        end associate
-        allocate (model(size(choices, 2)), phase(size(choices, 2)), n_iterated(size(choices, 2)))
-        n_iterated = huge(1)
-        do i = 1, size(choices, 2)
-            call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
-            call build_model(scene, model(i), status)
-            if (.not. status%is_ok()) cycle
-            phase(i) = find_phase(run, choices(:, i))
-            if (run%known(phase(i))%phase%is_refused) cycle
-            n_iterated(i) = number_iterated(model(i))
-            if (n_iterated(i) == 0) exit               ! all in closed form
-        end do
-        is_found = .false.
-        do while (.not. is_found .and. any(n_iterated < huge(1)))
-            i = minloc(n_iterated, 1)
-            n_iterated(i) = huge(1)
-            call try_phase(run, phase(i), model(i), is_found)
-        end do
-    end subroutine find_better_phase
-
-    !> The number of a choice's phase, which is new if it was never looked for. A model serves all assemblies.
-    integer function find_phase(run, choice) result(number)
-        type(forward_run), intent(inout) :: run
-        integer, intent(in) :: choice(:)
-
-        do number = 1, size(run%known)
-            if (all(run%known(number)%phase%choice == choice)) return
-        end do
-        run%known = [run%known, phase_box()]
-        allocate (run%known(number)%phase)
-        run%known(number)%phase%choice = choice
-    end function find_phase
-
-    !> Go on in a phase, with a model that starts at the position reached.
-    subroutine try_phase(run, number, model, is_entered)
-        type(forward_run), intent(inout) :: run
-        integer, intent(in) :: number
-        type(model_type), intent(in) :: model
-        logical, intent(out) :: is_entered
-        real(wp), allocatable :: y(:, :)
-        type(status_type) :: status
-
-        associate (t => run%integrator%good_until(1), phase => run%known(number)%phase)
-            call enter_phase(run%own, run%options, run%known(run%phase)%phase, run%y, t, model, phase, y, is_entered, status)
-            phase%is_refused = .not. status%is_ok()
-            if (.not. is_entered) return
-            run%output = y
-            call move_alloc(y, run%y)
-            run%model => phase%model
-            run%system => phase%system
-            run%phase = number
-            run%step_entered = run%integrator%n_step
-            run%n_exchanged = run%n_exchanged + 1
-            run%later_phase = [run%later_phase, number]
-            run%entered_at = [run%entered_at, t]
-            call run%integrator%exchange_system(run%system, run%y, status)
-        end associate
-    end subroutine try_phase
-
-    !> "slide of D until 0.251 s, then angle of A"; blank if no coordinate was exchanged.
-    function coordinates_in_words(run) result(text)
-        type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: text
-        integer, parameter :: most = 4                 !! exchanges told one by one
-        integer :: i, n
-
-        text = ""
-        if (.not. allocated(run%later_phase)) return
-        n = size(run%later_phase)
-        if (n == 0) return
-        text = names_of(1)
-        do i = 1, n
-            if (i > most .and. i < n) cycle
-            if (i == n .and. n > most + 1) text = text//", ... ("//to_text(n)//" exchanges)"
-            text = text//" until "//to_text(run%entered_at(i))//" s, then "//names_of(run%later_phase(i))
-        end do
-
-    contains
-
-        function names_of(phase) result(names)
-            integer, intent(in) :: phase
-            character(len=:), allocatable :: names
-
-            names = choice_names(run%own, run%known(phase)%phase%choice)
-        end function names_of
-    end function coordinates_in_words
-
-    !> "left 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
-    function rounding_in_words(run) result(text)
-        type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: text
-
-        text = ""
-        associate (i => run%integrator)
-            if (i%n_rough > 0) text = "left "//to_text(i%n_rough)//" of "//to_text(i%n_step) &
-                                      //" steps with errors above the tolerance, up to "//to_text(i%roughest)
-        end associate
-    end function rounding_in_words
-
-    function reason_of_stop(run) result(reason)
-        type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: reason
-        integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
-        character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
-            //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
-        integer :: stalled
-
-        reason = "stopped at t = "//to_text(run%good_until)//" s: "
-        ! However the steps have come to their end, by what they lost or by how short they became: this is why.
-        stalled = 0
-        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
-                   .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
-            stalled = run%system%stalled_coordinate(run%good_until, run%y)
-        if (run%is_over) then
-            reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
-        else if (run%system%is_driven_through(1)) then
-            if (run%own%scene%event(run%system%final_event(1))%clutch > 0) then
-                reason = reason//"nothing that clutch "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
-                         //" could join moves freely: both of its sides are driven, or held"
-                return
-            end if
-            reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
-                     //" is driven: no force of the stop changes its motion"
-        else if (run%dead_coordinate > 0) then
-            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
-                     //" comes to its dead point"
-            if (run%options%switches) reason = reason//", and no other joint variable can take its place"
-        else if (stalled > 0) then
-            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
-        else if (run%system%assembly%map_lost(1) > 0 .and. .not. (run%system%bounce%is_ahead &
-                                                                  .and. run%model%scene%passes_change_points)) then
-            ! where runs end at change points, what turns back there does so for that
-            reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
-                     //meeting_in_words(run%model)
-        else if (run%system%bounce%is_ahead) then
-            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
-        else if (has_blind_controller(run)) then
-            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
-                     //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
-        else
-            select case (run%integrator%reason)
-            case (stop_growth)
-                reason = reason//"the motion grows without bound"
-            case (stop_roughness)
-                reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
-            case (stop_law)
-                reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
-                reason = reason//too_long_in_words(run)
-            case (stop_pace)
-                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
-                if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
-                    "(expected a law that changes over a small speed, tanh(v/v0))"
-            case default
-                if (run%system%workspace%status(1) /= sample_ok) then
-                    reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
-                    if (run%system%workspace%status(1) == sample_not_converged) reason = reason//too_long_in_words(run)
-                else
-                    reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
-                end if
-            end select
-            reason = reason//stiffness_in_words(run)
-        end if
-    end function reason_of_stop
-
-    !> Has a controller nothing to put out, where the mechanism itself could go on?
-    pure logical function has_blind_controller(run)
-        type(forward_run), intent(in) :: run
-
-        has_blind_controller = run%system%control%state%blind > 0 .and. &
-            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
-    end function has_blind_controller
-
-    !> What may be at fault of a method that does not shorten its steps for it; blank of others.
-    function too_long_in_words(run) result(text)
-        type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: text
-
-        text = ""
-        associate (method => run%integrator%options%method)
-            if (any([method_rk4, method_msbdf] == method)) text = ", or "//trim(method_name(method))//" takes too long steps"
-        end associate
-    end function too_long_in_words
-
-    !> What is too stiff for the steps of a run that cannot go on; blank if nothing is.
-    function stiffness_in_words(run) result(text)
-        type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: text, name
-        real(wp), parameter :: part_of_turn = 1.0e-3_wp    !! [rad] of the fastest motion in the last step
-        real(wp), parameter :: endless = 1.0e8_wp          !! [rad] of it in the run
-        real(wp) :: rate, step
-
-        text = ""
-        if (any([stop_law, stop_roughness] == run%integrator%reason) .or. run%integrator%n_step == run%step_entered) return
-        call find_stiffest(run%model, run%good_until, run%y(1, :), name, rate)
-        step = run%integrator%last_step
-        if (run%options%integrator%method == method_rk4) step = run%options%integrator%step
-        if (rate*step < part_of_turn .and. rate*run%options%integrator%span < endless) return
-        text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
-    end function stiffness_in_words
 
     !> Coordinates and given driving forces at instants reached.
     subroutine take_outputs(run, n, t, is_lost, solution, q, qd, qdd, force)
@@ -820,25 +469,6 @@ contains
         run%reason = "interrupted at t = "//to_text(run%good_until)//" s"
     end subroutine interrupt_forward
 
-    !> Release what the run holds.
-    subroutine finish_forward(run)
-        type(forward_run), intent(inout) :: run
-        integer :: i
-
-        call run%integrator%finish()
-        if (allocated(run%known)) then
-            do i = 1, size(run%known)
-                call release_phase(run%known(i)%phase)
-                deallocate (run%known(i)%phase)
-            end do
-            deallocate (run%known)
-        else if (associated(run%system)) then
-            call run%system%release()
-            deallocate (run%system)
-        end if
-        nullify (run%system)
-    end subroutine finish_forward
-
     !> A whole run: t are the output instants, increasing. A run that stops early is no error: see `run`.
     subroutine run_forward(model, options, t, results, run, status)
         type(model_type), intent(in), target :: model
@@ -853,213 +483,4 @@ contains
         if (status%is_ok()) call advance_forward(run, t, results, n_done)
         call finish_forward(run)
     end subroutine run_forward
-
-    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
-    !> is told to stop nothing of it can be used.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
-        type(model_type), intent(in), target :: model
-        type(forward_options), intent(in) :: options   !! the method must be rk4
-        real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
-        real(wp), intent(in) :: t(:)                   !! [s] (n)
-        real(wp), intent(out) :: q(:, :, :), qd(:, :, :)         !! (n_q, n, n_member); NaN once a member has stopped
-        real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
-        integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
-        integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
-        type(status_type), intent(inout) :: status
-        type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
-        type(event_log), allocatable :: of_block(:)
-        type(shared_programs), pointer :: shared       ! by all blocks
-        type(forward_system) :: teller                 ! that makes the record
-        type(status_type) :: block_status
-        integer :: block, n_block
-
-        if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
-            //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
-        call check_options(options%integrator, status)
-        if (.not. status%is_ok()) return
-        n_block = (size(q_start, 2) + lanes - 1)/lanes
-        nullify (shared)
-        call hold_programs(shared)
-        call make_shared_record(status)
-        if (.not. status%is_ok()) n_block = 0
-        allocate (of_block(n_block))
-        !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
-        do block = 1, n_block
-            block_status = status_type()
-            call run_block(block, block_status)
-            !$omp critical (linkdyn_ensemble_status)
-            if (status%is_ok()) status = block_status
-            !$omp end critical (linkdyn_ensemble_status)
-        end do
-        !$omp end parallel do
-        call teller%release()
-        call leave_programs(shared)
-        if (status%is_ok() .and. present(log)) call gather_events(log)
-
-    contains
-
-        !> One record for all blocks, if they evaluate often enough.
-        subroutine make_shared_record(status)
-            type(status_type), intent(inout) :: status
-            integer, parameter :: evaluations_a_step = 4
-            real(wp), allocatable :: y(:, :)
-            real(wp) :: n_evaluation
-
-            if (.not. rates_by_record(options) .or. size(t) == 0) return
-            n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
-            if (.not. n_evaluation > evaluations_before_record(model)) return
-            call hold_programs(teller%shared, shared)
-            call build_forward_system(model, options%stage_solver, teller, status)
-            if (.not. status%is_ok()) return
-            teller%wants_work = follows_assembly(model)
-            allocate (y(lanes, teller%n))
-            call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
-            call teller%begin(options%t_start, y)
-            call teller%make_record(options%t_start)
-        end subroutine make_shared_record
-
-        !> Of each member as they came.
-        subroutine gather_events(log)
-            type(event_log), intent(inout) :: log
-            type(event_entry) :: entry
-            integer :: block, lane, i
-
-            do block = 1, n_block
-                do lane = 1, lanes
-                    do i = 1, of_block(block)%n
-                        if (of_block(block)%entry(i)%lane /= lane) cycle
-                        entry = of_block(block)%entry(i)
-                        entry%lane = (block - 1)*lanes + lane
-                        call add_entry(log, entry)
-                    end do
-                end do
-            end do
-        end subroutine gather_events
-
-        !> One block of members; lanes beyond the last member repeat it.
-        subroutine run_block(block, status)
-            integer, intent(in) :: block
-            type(status_type), intent(inout) :: status
-            type(forward_run) :: run
-            integer :: member(lanes), passed(lanes), i
-
-            member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
-            run%own => model
-            run%model => model
-            allocate (run%system)
-            call hold_programs(run%system%shared, shared)
-            call hold_texts()
-            call build_forward_system(model, options%stage_solver, run%system, status)
-            call release_texts()
-            if (status%is_ok()) then
-                run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
-                run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
-                run%system%may_record = teller%may_record
-                run%system%n_before_record = 0
-                allocate (run%y(lanes, run%system%n))
-                call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
-                call run%system%begin(options%t_start, run%y)
-                call start_integrator(run, model, options, status)
-                call leave_those_beyond_stops(run)
-                do i = 1, size(t)
-                    call go_on_to(run, t(i))
-                    if (is_interrupted()) exit
-                    call leave_those_that_passed(run, t(i))
-                    call store(run, member, t(i), i)
-                end do
-                do i = 1, lanes
-                    good_until(member(i)) = run%integrator%good_until(i)
-                    outcome(member(i)) = sample_ok
-                    ! Rates that were found, and led beyond all numbers.
-                    if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
-                        outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
-                                                                             run%system%obstacle(i) /= sample_ok)
-                end do
-                call count_change_points(run, t(size(t)), passed)
-                n_crossed(member) = passed
-                of_block(block) = run%system%log
-            end if
-            call finish_forward(run)
-        end subroutine run_block
-
-        !> A member that starts beyond a stop does not run.
-        subroutine leave_those_beyond_stops(run)
-            type(forward_run), intent(inout) :: run
-            real(wp) :: gap(lanes, n_event(model%scene))
-            integer :: i
-
-            if (.not. has_hard_stops(model%scene)) return
-            call run%system%evaluate_guards(spread(options%t_start, 1, lanes), run%y, gap)
-            do i = 1, n_stop(model%scene)
-                associate (stop => model%scene%stop(i))
-                    if (.not. stop%is_hard) cycle
-                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%stops%rests(:, i))
-                        run%integrator%failed = .true.
-                        run%system%obstacle = sample_unreachable
-                    end where
-                end associate
-            end do
-        end subroutine leave_those_beyond_stops
-
-        !> Nor does one go on that has lost a contact.
-        subroutine leave_those_that_passed(run, instant)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: instant
-            integer :: passed(lanes)
-
-            if (.not. has_hard_stops(model%scene)) return
-            call find_passed(run%system, instant, run%output, passed)
-            where (passed > 0 .and. .not. run%integrator%failed)
-                run%integrator%failed = .true.
-                run%system%obstacle = sample_undefined
-            end where
-        end subroutine leave_those_that_passed
-
-        !> Those that each lane has passed up to the last instant of output, or up to where it failed.
-        subroutine count_change_points(run, instant, passed)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: instant
-            integer, intent(out) :: passed(lanes)
-            real(wp) :: rate(lanes, run%system%n)
-            logical :: failed(lanes)
-
-            passed = 0
-            if (.not. run%system%assembly%is_needed) return
-            call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
-            passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
-                           run%system%workspace%state), failed .or. run%integrator%failed)
-        end subroutine count_change_points
-
-        !> With a pause now and then to hear whether to stop.
-        subroutine go_on_to(run, t)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: t
-            real(wp), parameter :: breath = 0.25_wp    !! [s]
-
-            do
-                call run%integrator%pause%set(breath)
-                call go_to(run, t)
-                if (.not. run%integrator%is_paused .or. is_interrupted()) return
-            end do
-        end subroutine go_on_to
-
-        subroutine store(run, member, instant, i)
-            type(forward_run), intent(inout) :: run
-            integer, intent(in) :: member(lanes), i
-            real(wp), intent(in) :: instant
-            real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
-            integer :: lane
-
-            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%turns, &
-                                  run%system%workspace%state, lane_q, lane_qd, lane_qdd)
-            do lane = 1, lanes
-                if (run%integrator%failed(lane)) then
-                    lane_q(lane, :) = ieee_value(1.0_wp, ieee_quiet_nan)
-                    lane_qd(lane, :) = lane_q(lane, :)
-                end if
-                q(:, i, member(lane)) = lane_q(lane, :)
-                qd(:, i, member(lane)) = lane_qd(lane, :)
-            end do
-        end subroutine store
-    end subroutine run_ensemble
 end module linkdyn_forward

@@ -17,8 +17,9 @@ module linkdyn_f2py_api
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_event_log, only: event_log
+    use linkdyn_ensemble, only: run_ensemble
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
-        method_name, method_rk4, run_ensemble
+        method_name, method_rk4
     use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
     use linkdyn_handles, only: close_handle
     use linkdyn_integrator, only: integrator_options

@@ -1,7 +1,8 @@
 !> Forward runs against motions that are known: the scene's own, driven by what inverse dynamics asks for.
 module test_forward
     use linkdyn_builder, only: build_model
-    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
+    use linkdyn_ensemble, only: run_ensemble
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, method_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type

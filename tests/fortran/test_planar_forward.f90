@@ -2,7 +2,8 @@
 module test_planar_forward
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: pi
-    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
+    use linkdyn_ensemble, only: run_ensemble
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &
         default_method, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics

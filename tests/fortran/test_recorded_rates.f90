@@ -2,8 +2,9 @@
 !> runs and ensembles, past change points; and what a record must leave to the lanes.
 module test_recorded_rates
     use linkdyn_builder, only: build_model
+    use linkdyn_ensemble, only: run_ensemble
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
-        finish_forward, run_ensemble, method_gbs, method_rk4, method_seulex
+        finish_forward, method_gbs, method_rk4, method_seulex
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp

@@ -1,0 +1,239 @@
+!> Many forward runs from different starts, side by side on lanes: at a fixed step, since lanes keep pace.
+module linkdyn_ensemble
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_carried_assembly, only: count_passed
+    use linkdyn_event_log, only: event_log, event_entry, add_entry
+    use linkdyn_forward_course, only: start_integrator, go_to
+    use linkdyn_forward_phase, only: forward_options, rates_by_record
+    use linkdyn_forward_record, only: evaluations_before_record
+    use linkdyn_forward_run, only: forward_run, finish_forward
+    use linkdyn_forward_state, only: fill_start, read_coordinates
+    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_integrator, only: check_options, method_name, method_rk4
+    use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: n_event, n_stop, has_hard_stops
+    use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, sample_unreachable
+    use linkdyn_stop_starts, only: touch_width, find_passed
+    use linkdyn_text, only: quoted
+    use linkdyn_threads, only: team_size
+    implicit none (type, external)
+    private
+    public :: run_ensemble
+
+contains
+
+    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
+    !> is told to stop nothing of it can be used.
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
+        type(model_type), intent(in), target :: model
+        type(forward_options), intent(in) :: options   !! the method must be rk4
+        real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
+        real(wp), intent(in) :: t(:)                   !! [s] (n)
+        real(wp), intent(out) :: q(:, :, :), qd(:, :, :)         !! (n_q, n, n_member); NaN once a member has stopped
+        real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
+        integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
+        integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
+        type(status_type), intent(inout) :: status
+        type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
+        type(event_log), allocatable :: of_block(:)
+        type(shared_programs), pointer :: shared       ! by all blocks
+        type(forward_system) :: teller                 ! that makes the record
+        type(status_type) :: block_status
+        integer :: block, n_block
+
+        if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
+            //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
+        call check_options(options%integrator, status)
+        if (.not. status%is_ok()) return
+        n_block = (size(q_start, 2) + lanes - 1)/lanes
+        nullify (shared)
+        call hold_programs(shared)
+        call make_shared_record(status)
+        if (.not. status%is_ok()) n_block = 0
+        allocate (of_block(n_block))
+        !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
+        do block = 1, n_block
+            block_status = status_type()
+            call run_block(block, block_status)
+            !$omp critical (linkdyn_ensemble_status)
+            if (status%is_ok()) status = block_status
+            !$omp end critical (linkdyn_ensemble_status)
+        end do
+        !$omp end parallel do
+        call teller%release()
+        call leave_programs(shared)
+        if (status%is_ok() .and. present(log)) call gather_events(log)
+
+    contains
+
+        !> One record for all blocks, if they evaluate often enough.
+        subroutine make_shared_record(status)
+            type(status_type), intent(inout) :: status
+            integer, parameter :: evaluations_a_step = 4
+            real(wp), allocatable :: y(:, :)
+            real(wp) :: n_evaluation
+
+            if (.not. rates_by_record(options) .or. size(t) == 0) return
+            n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
+            if (.not. n_evaluation > evaluations_before_record(model)) return
+            call hold_programs(teller%shared, shared)
+            call build_forward_system(model, options%stage_solver, teller, status)
+            if (.not. status%is_ok()) return
+            teller%wants_work = follows_assembly(model)
+            allocate (y(lanes, teller%n))
+            call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
+            call teller%begin(options%t_start, y)
+            call teller%make_record(options%t_start)
+        end subroutine make_shared_record
+
+        !> Of each member as they came.
+        subroutine gather_events(log)
+            type(event_log), intent(inout) :: log
+            type(event_entry) :: entry
+            integer :: block, lane, i
+
+            do block = 1, n_block
+                do lane = 1, lanes
+                    do i = 1, of_block(block)%n
+                        if (of_block(block)%entry(i)%lane /= lane) cycle
+                        entry = of_block(block)%entry(i)
+                        entry%lane = (block - 1)*lanes + lane
+                        call add_entry(log, entry)
+                    end do
+                end do
+            end do
+        end subroutine gather_events
+
+        !> One block of members; lanes beyond the last member repeat it.
+        subroutine run_block(block, status)
+            integer, intent(in) :: block
+            type(status_type), intent(inout) :: status
+            type(forward_run) :: run
+            integer :: member(lanes), passed(lanes), i
+
+            member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
+            run%own => model
+            run%model => model
+            allocate (run%system)
+            call hold_programs(run%system%shared, shared)
+            call hold_texts()
+            call build_forward_system(model, options%stage_solver, run%system, status)
+            call release_texts()
+            if (status%is_ok()) then
+                run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
+                run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
+                run%system%may_record = teller%may_record
+                run%system%n_before_record = 0
+                allocate (run%y(lanes, run%system%n))
+                call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
+                call run%system%begin(options%t_start, run%y)
+                call start_integrator(run, model, options, status)
+                call leave_those_beyond_stops(run)
+                do i = 1, size(t)
+                    call go_on_to(run, t(i))
+                    if (is_interrupted()) exit
+                    call leave_those_that_passed(run, t(i))
+                    call store(run, member, t(i), i)
+                end do
+                do i = 1, lanes
+                    good_until(member(i)) = run%integrator%good_until(i)
+                    outcome(member(i)) = sample_ok
+                    ! Rates that were found, and led beyond all numbers.
+                    if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
+                        outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
+                                                                             run%system%obstacle(i) /= sample_ok)
+                end do
+                call count_change_points(run, t(size(t)), passed)
+                n_crossed(member) = passed
+                of_block(block) = run%system%log
+            end if
+            call finish_forward(run)
+        end subroutine run_block
+
+        !> A member that starts beyond a stop does not run.
+        subroutine leave_those_beyond_stops(run)
+            type(forward_run), intent(inout) :: run
+            real(wp) :: gap(lanes, n_event(model%scene))
+            integer :: i
+
+            if (.not. has_hard_stops(model%scene)) return
+            call run%system%evaluate_guards(spread(options%t_start, 1, lanes), run%y, gap)
+            do i = 1, n_stop(model%scene)
+                associate (stop => model%scene%stop(i))
+                    if (.not. stop%is_hard) cycle
+                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%stops%rests(:, i))
+                        run%integrator%failed = .true.
+                        run%system%obstacle = sample_unreachable
+                    end where
+                end associate
+            end do
+        end subroutine leave_those_beyond_stops
+
+        !> Nor does one go on that has lost a contact.
+        subroutine leave_those_that_passed(run, instant)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: instant
+            integer :: passed(lanes)
+
+            if (.not. has_hard_stops(model%scene)) return
+            call find_passed(run%system, instant, run%output, passed)
+            where (passed > 0 .and. .not. run%integrator%failed)
+                run%integrator%failed = .true.
+                run%system%obstacle = sample_undefined
+            end where
+        end subroutine leave_those_that_passed
+
+        !> Those that each lane has passed up to the last instant of output, or up to where it failed.
+        subroutine count_change_points(run, instant, passed)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: instant
+            integer, intent(out) :: passed(lanes)
+            real(wp) :: rate(lanes, run%system%n)
+            logical :: failed(lanes)
+
+            passed = 0
+            if (.not. run%system%assembly%is_needed) return
+            call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
+            passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
+                           run%system%workspace%state), failed .or. run%integrator%failed)
+        end subroutine count_change_points
+
+        !> With a pause now and then to hear whether to stop.
+        subroutine go_on_to(run, t)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: t
+            real(wp), parameter :: breath = 0.25_wp    !! [s]
+
+            do
+                call run%integrator%pause%set(breath)
+                call go_to(run, t)
+                if (.not. run%integrator%is_paused .or. is_interrupted()) return
+            end do
+        end subroutine go_on_to
+
+        subroutine store(run, member, instant, i)
+            type(forward_run), intent(inout) :: run
+            integer, intent(in) :: member(lanes), i
+            real(wp), intent(in) :: instant
+            real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
+            integer :: lane
+
+            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%turns, &
+                                  run%system%workspace%state, lane_q, lane_qd, lane_qdd)
+            do lane = 1, lanes
+                if (run%integrator%failed(lane)) then
+                    lane_q(lane, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+                    lane_qd(lane, :) = lane_q(lane, :)
+                end if
+                q(:, i, member(lane)) = lane_q(lane, :)
+                qd(:, i, member(lane)) = lane_qd(lane, :)
+            end do
+        end subroutine store
+    end subroutine run_ensemble
+end module linkdyn_ensemble

@@ -1,0 +1,159 @@
+!> What is told of a forward run in words: why it stopped, what was integrated, what rounding has left.
+module linkdyn_forward_words
+    use linkdyn_constants, only: two_pi
+    use linkdyn_coordinate_watch, only: dead_coordinate
+    use linkdyn_exchange, only: choice_names
+    use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
+    use linkdyn_forward_run, only: forward_run
+    use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged
+    use linkdyn_stiffest_part, only: find_stiffest
+    use linkdyn_text, only: to_text, quoted
+    implicit none (type, external)
+    private
+    public :: coordinates_in_words, rounding_in_words, reason_of_stop
+
+contains
+
+    !> "slide of D until 0.251 s, then angle of A"; blank if no coordinate was exchanged.
+    function coordinates_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 4                 !! exchanges told one by one
+        integer :: i, n
+
+        text = ""
+        if (.not. allocated(run%later_phase)) return
+        n = size(run%later_phase)
+        if (n == 0) return
+        text = names_of(1)
+        do i = 1, n
+            if (i > most .and. i < n) cycle
+            if (i == n .and. n > most + 1) text = text//", ... ("//to_text(n)//" exchanges)"
+            text = text//" until "//to_text(run%entered_at(i))//" s, then "//names_of(run%later_phase(i))
+        end do
+
+    contains
+
+        function names_of(phase) result(names)
+            integer, intent(in) :: phase
+            character(len=:), allocatable :: names
+
+            names = choice_names(run%own, run%known(phase)%phase%choice)
+        end function names_of
+    end function coordinates_in_words
+
+    !> "left 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
+    function rounding_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+
+        text = ""
+        associate (i => run%integrator)
+            if (i%n_rough > 0) text = "left "//to_text(i%n_rough)//" of "//to_text(i%n_step) &
+                                      //" steps with errors above the tolerance, up to "//to_text(i%roughest)
+        end associate
+    end function rounding_in_words
+
+    function reason_of_stop(run) result(reason)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: reason
+        integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
+        character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
+            //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
+        integer :: stalled
+
+        reason = "stopped at t = "//to_text(run%good_until)//" s: "
+        ! However the steps have come to their end, by what they lost or by how short they became: this is why.
+        stalled = 0
+        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
+                   .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
+            stalled = run%system%stalled_coordinate(run%good_until, run%y)
+        if (run%is_over) then
+            reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
+        else if (run%system%is_driven_through(1)) then
+            if (run%own%scene%event(run%system%final_event(1))%clutch > 0) then
+                reason = reason//"nothing that clutch "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
+                         //" could join moves freely: both of its sides are driven, or held"
+                return
+            end if
+            reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
+                     //" is driven: no force of the stop changes its motion"
+        else if (run%dead_coordinate > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
+                     //" comes to its dead point"
+            if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (stalled > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
+        else if (run%system%assembly%map_lost(1) > 0 .and. .not. (run%system%bounce%is_ahead &
+                                                                  .and. run%model%scene%passes_change_points)) then
+            ! where runs end at change points, what turns back there does so for that
+            reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
+                     //meeting_in_words(run%model)
+        else if (run%system%bounce%is_ahead) then
+            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
+        else if (has_blind_controller(run)) then
+            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
+                     //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
+        else
+            select case (run%integrator%reason)
+            case (stop_growth)
+                reason = reason//"the motion grows without bound"
+            case (stop_roughness)
+                reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
+            case (stop_law)
+                reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
+                reason = reason//too_long_in_words(run)
+            case (stop_pace)
+                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
+                if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
+                    "(expected a law that changes over a small speed, tanh(v/v0))"
+            case default
+                if (run%system%workspace%status(1) /= sample_ok) then
+                    reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
+                    if (run%system%workspace%status(1) == sample_not_converged) reason = reason//too_long_in_words(run)
+                else
+                    reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
+                end if
+            end select
+            reason = reason//stiffness_in_words(run)
+        end if
+    end function reason_of_stop
+
+    !> Has a controller nothing to put out, where the mechanism itself could go on?
+    pure logical function has_blind_controller(run)
+        type(forward_run), intent(in) :: run
+
+        has_blind_controller = run%system%control%state%blind > 0 .and. &
+            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
+    end function has_blind_controller
+
+    !> What may be at fault of a method that does not shorten its steps for it; blank of others.
+    function too_long_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+
+        text = ""
+        associate (method => run%integrator%options%method)
+            if (any([method_rk4, method_msbdf] == method)) text = ", or "//trim(method_name(method))//" takes too long steps"
+        end associate
+    end function too_long_in_words
+
+    !> What is too stiff for the steps of a run that cannot go on; blank if nothing is.
+    function stiffness_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text, name
+        real(wp), parameter :: part_of_turn = 1.0e-3_wp    !! [rad] of the fastest motion in the last step
+        real(wp), parameter :: endless = 1.0e8_wp          !! [rad] of it in the run
+        real(wp) :: rate, step
+
+        text = ""
+        if (any([stop_law, stop_roughness] == run%integrator%reason) .or. run%integrator%n_step == run%step_entered) return
+        call find_stiffest(run%model, run%good_until, run%y(1, :), name, rate)
+        step = run%integrator%last_step
+        if (run%options%integrator%method == method_rk4) step = run%options%integrator%step
+        if (rate*step < part_of_turn .and. rate*run%options%integrator%span < endless) return
+        text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
+    end function stiffness_in_words
+end module linkdyn_forward_words
