@@ -204,7 +204,7 @@ def test_the_working_folder_may_change(tmp_path, monkeypatch, tsai):
 
 @pytest.mark.parametrize(
     ("quantity", "says"),
-    [("swing", "no universal or spherical joint"), ("clearance", "no two legs"), ("force_amplification", "no marker")],
+    [("swing", "no universal or spherical joint"), ("clearance", "no pair of legs"), ("force_amplification", "no marker")],
 )
 def test_quantities_that_a_scene_lacks(quantity, says, scene, tmp_path):
     for kept in (quantity, ["driving_force", quantity]):
