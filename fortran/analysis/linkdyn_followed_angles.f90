@@ -117,7 +117,6 @@ contains
         real(wp), intent(in) :: before                         !! [rad]
         real(wp), intent(in) :: spin_before, spin              !! [rad/s]
         real(wp), intent(in) :: duration                       !! [s]
-
         real(wp) :: n_turn
 
         n_turn = (value - (before + (spin_before + spin)/2*duration))/two_pi

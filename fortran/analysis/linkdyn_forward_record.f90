@@ -25,7 +25,7 @@ module linkdyn_forward_record
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
-    use linkdyn_representatives, only: representative_poses, need_poses
+    use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_uncertainty, only: is_surely_certain
@@ -81,7 +81,6 @@ contains
     !> again shares it.
     pure integer function evaluations_on_lanes(model) result(n)
         type(model_type), intent(in) :: model
-        integer, parameter :: few_links = 50
 
         n = merge(0, evaluations_before_record(model), model%n_link <= few_links)
     end function evaluations_on_lanes

@@ -47,7 +47,7 @@ module linkdyn_inverse
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
-    use linkdyn_representatives, only: representative_poses, need_poses
+    use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
@@ -710,7 +710,7 @@ contains
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: n                               !! samples
-        integer, parameter :: few_links = 50, samples_a_link = 50, worth_leading = 128
+        integer, parameter :: samples_a_link = 50, worth_leading = 128
         integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
 
         is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &

@@ -39,7 +39,6 @@ contains
         type(motor_spec), intent(in) :: motor
         real(wp), intent(in) :: voltage, current       !! [V, A]
         real(wp), intent(in) :: speed                  !! of the motor [rad/s]
-
         real(wp), parameter :: pace = 100              !! of the controller over that of the winding
         real(wp) :: torque, largest, along
 

@@ -9,10 +9,10 @@ module linkdyn_pose_measures
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: marker_at
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
     use linkdyn_sweep_quantities, only: quantity_row
-    use linkdyn_sweep_spec, only: sweep_spec, segment_spec, quantity_force_amplification, quantity_moment_amplification, &
+    use linkdyn_sweep_spec, only: sweep_spec, quantity_force_amplification, quantity_moment_amplification, &
         quantity_condition, quantity_determinant, quantity_swing, quantity_clearance
     implicit none (type, external)
     private
@@ -110,24 +110,11 @@ contains
                 rods(k)%radius = segment%diameter/2
                 rods(k)%link = segment%link
                 do side = 1, 2
-                    rods(k)%point(:, side) = end_of(model%scene, segment, side)
+                    rods(k)%point(:, side) = marker_at(model%scene, segment%link(side), segment%marker(side))
                 end do
             end associate
         end do
     end subroutine choose_rods
-
-    pure function end_of(scene, segment, side) result(point)
-        type(scene_type), intent(in) :: scene
-        type(segment_spec), intent(in) :: segment
-        integer, intent(in) :: side
-        real(wp) :: point(3)                                !! link axes [m]
-
-        if (segment%link(side) == 0) then
-            point = scene%frame%marker(segment%marker(side))%at
-        else
-            point = scene%link(segment%link(side))%marker(segment%marker(side))%at
-        end if
-    end function end_of
 
     !> All that is wanted of some poses.
     subroutine measure_poses(model, row, q, measures, value, status)

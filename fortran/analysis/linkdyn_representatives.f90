@@ -15,9 +15,11 @@ module linkdyn_representatives
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: representative_poses, need_poses, set_in_motion, representative_motions
+    public :: few_links, representative_poses, need_poses, set_in_motion, representative_motions
 
     integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
+    !> Links of mechanisms whose records are made at once: that takes some milliseconds, and as much for every further thirty or so.
+    integer, parameter :: few_links = 50
 
     !> Poses that stand for a scene, and how it is assembled there. Chosen once: groups closed by iteration are led to each from the start.
     type :: representative_poses

@@ -6,9 +6,7 @@ module linkdyn_place_variables
     use linkdyn_joint_kind, only: axis_of
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
-    use linkdyn_model, only: model_type
-    use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, frame_link
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, marker_at
     use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, vector_of, operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.unrotate.)
@@ -82,7 +80,7 @@ contains
             point = scene_point_of_origin(mechanism, spec%link(side))
         else
             point = in_own_axes(mechanism, spec%link(side), &
-                                vector_of(constants(marker_at(mechanism%model, spec%link(side), spec%marker(side)))))
+                                vector_of(marker_at(mechanism%model%scene, spec%link(side), spec%marker(side))))
         end if
     end function place_point
 
@@ -106,24 +104,4 @@ contains
             r = rotation(a.unrotate.b%x, a.unrotate.b%y, a.unrotate.b%z)
         end associate
     end function relative_attitude
-
-    pure function marker_at(model, link, marker) result(at)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: link, marker
-        real(wp) :: at(3)
-
-        if (link == frame_link) then
-            at = model%scene%frame%marker(marker)%at
-        else
-            at = model%scene%link(link)%marker(marker)%at
-        end if
-    end function marker_at
-
-    function constants(number) result(v)
-        real(wp), intent(in) :: number(3)
-        type(value) :: v(3)
-        integer :: k
-
-        v = [(constant(number(k)), k=1, 3)]
-    end function constants
 end module linkdyn_place_variables

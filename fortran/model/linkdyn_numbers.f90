@@ -3,7 +3,7 @@ module linkdyn_numbers
     use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: frame_link
+    use linkdyn_scene, only: marker_at
     implicit none (type, external)
     private
     public :: number_places, place_numbers, collect_numbers, numbers_of
@@ -124,7 +124,7 @@ contains
             number(k + 1:k + size(model%led(i)%source)) = model%led(i)%source_weight
         end do
         do i = 1, model%n_load
-            number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)
+            number(at%load(i):at%load(i) + 2) = marker_at(model%scene, model%scene%load(i)%link, model%scene%load(i)%marker)
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
@@ -133,7 +133,7 @@ contains
                 number(k + 3:k + 8) = 0
                 if (spring%joint > 0 .or. spring%measure > 0) cycle
                 do side = 1, 2
-                    number(k + 3*side:k + 3*side + 2) = marker_at(spring%link(side), spring%marker(side))
+                    number(k + 3*side:k + 3*side + 2) = marker_at(model%scene, spring%link(side), spring%marker(side))
                 end do
             end associate
         end do
@@ -141,18 +141,5 @@ contains
             number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%drive%value
         end do
         number(at%motor) = model%motor%inertia
-
-    contains
-
-        pure function marker_at(link, marker) result(point)
-            integer, intent(in) :: link, marker
-            real(wp) :: point(3)
-
-            if (link == frame_link) then
-                point = model%scene%frame%marker(marker)%at
-            else
-                point = model%scene%link(link)%marker(marker)%at
-            end if
-        end function marker_at
     end subroutine collect_numbers
 end module linkdyn_numbers

@@ -38,6 +38,7 @@ module linkdyn_scene
     public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
     public :: windup_none, windup_clamp, windup_back
     public :: side_joint, side_torque, side_voltage, has_limits
+    public :: marker_at
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
     integer, parameter :: path_len = 1024   !! longest file name
@@ -611,6 +612,19 @@ contains
         is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude]) .and. &
                    .not. measure%is_rate
     end function is_place
+
+    !> Where a marker of a link or of the frame is, link axes [m].
+    pure function marker_at(scene, link, marker) result(point)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link, marker
+        real(wp) :: point(3)
+
+        if (link == frame_link) then
+            point = scene%frame%marker(marker)%at
+        else
+            point = scene%link(link)%marker(marker)%at
+        end if
+    end function marker_at
 
     !> Are there stops that throw back?
     pure logical function has_hard_stops(scene)
