@@ -2,7 +2,7 @@
 !> moments about the centres of mass, once in symbols and once in numbers.
 module linkdyn_explain_matrix
     use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, matrix_labels, open_equations, &
-        close_equations, labels_of, make_matrix_program, fill_matrix, as_lecture
+        close_equations, labels_of, make_matrix_program, fill_matrix, has_columns, as_lecture
     use linkdyn_force_system, only: unknown_note
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers
     use linkdyn_inputs, only: sample_set
@@ -65,7 +65,6 @@ contains
         type(matrix_labels) :: labels
         type(lane_program) :: lane
         type(lane_space) :: space
-        integer :: k
 
         choice%way = as_lecture
         allocate (choice%drive_is_unknown(model%n_actuator), source=.true.)
@@ -74,35 +73,53 @@ contains
         labels = labels_of(equations)
         call make_matrix_program(equations, .true., form, lane%program)
         call close_equations(equations)
-        call prepare_lanes(model, .false., lane)
-        call run_at(model, q, qd, qdd, load, lane, space)
-        system%row = labels%equation
-        system%column = labels%unknown%name
-        allocate (system%matrix(form%n, form%n), system%right(form%n), system%symbol(form%n, form%n))
-        call fill_matrix(form, space%found(1, :), system%matrix)
-        system%symbol = "."
-        do k = 1, size(form%row)
-            system%symbol(form%row(k), form%column(k)) = symbol_of(model, form%row(k), labels%unknown(form%column(k)), &
-                                                                   form%output(k) == 0, form%constant(k))
-        end do
-        system%right = 0
-        do k = 1, form%n
-            if (form%right(k) > 0) system%right(k) = space%found(1, form%right(k))
-        end do
+        call prepare_lanes(model, has_columns(model, choice), lane)
+        call run_at(model, q, qd, qdd, load, has_columns(model, choice), lane, space)
+        call take_system(model, form, labels, space%found(1, :), system)
         call free_lane_space(space)
         call free_lane_program(lane)
     end subroutine build_system
 
+    !> The equations of motion. Those by which more drives than freedoms share the work come before them and have no names, and
+    !> the unknowns that only these have come last.
+    subroutine take_system(model, form, labels, found, system)
+        type(model_type), intent(in) :: model
+        type(matrix_form), intent(in) :: form
+        type(matrix_labels), intent(in) :: labels
+        real(wp), intent(in) :: found(:)               !! outputs of the kernel
+        type(system_type), intent(inout) :: system
+        real(wp) :: whole(form%n, max(size(labels%unknown), maxval(form%column)))
+        integer :: before, i, j, k
+
+        system%row = labels%equation
+        system%column = labels%unknown%name
+        before = form%n - size(system%row)
+        call fill_matrix(form, found, whole)
+        system%matrix = whole(before + 1:, :size(system%column))
+        allocate (system%symbol(size(system%row), size(system%column)))
+        system%symbol = "."
+        do k = 1, size(form%row)
+            i = form%row(k) - before
+            j = form%column(k)
+            if (i > 0) system%symbol(i, j) = symbol_of(model, i, labels%unknown(j), form%output(k) == 0, form%constant(k))
+        end do
+        allocate (system%right(size(system%row)), source=0.0_wp)
+        do i = 1, size(system%row)
+            if (form%right(before + i) > 0) system%right(i) = found(form%right(before + i))
+        end do
+    end subroutine take_system
+
     !> Entries and right-hand sides of one position.
-    subroutine run_at(model, q, qd, qdd, load, lane, space)
+    subroutine run_at(model, q, qd, qdd, load, wants_columns, lane, space)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:), qd(:), qdd(:), load(:, :)
+        logical, intent(in) :: wants_columns           !! how the motion changes with the coordinates
         type(lane_program), intent(in) :: lane
         type(lane_space), intent(inout) :: space
         type(kinematic_state) :: state
         type(lane_numbers) :: numbers
 
-        call prepare_kinematics(model, 0, state)
+        call prepare_kinematics(model, merge(model%n_q, 0, wants_columns), state)
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)
         state%qdd = spread(qdd, 1, lanes)
@@ -152,50 +169,65 @@ contains
 
     ! ---------------------------------------------------------------- printing
 
-    !> Symbols, then numbers; zeros are points.
+    !> Symbols, then numbers; zeros are points. Columns are as wide as their names.
     subroutine write_system(system, unit)
         type(system_type), intent(in) :: system
         integer, intent(in) :: unit
-        character(len=number_len) :: cell
-        integer :: i, j
+        character(len=number_len) :: right
+        integer :: width, i, j
 
+        width = 2 + max(number_len, maxval(len_trim(system%column)))
         write (unit, "(a)") "Equations of motion [A]{F} = b, world axes, moments about the centres of mass", &
             "(a joint's force acts on the second link of 'between'; J: joint, G: centre of mass of the row's link)"
         write (unit, "(/,a)") "In symbols"
-        call write_header(system, unit)
+        call write_header()
         do i = 1, size(system%row)
             write (unit, "(a)", advance="no") system%row(i)
             do j = 1, size(system%column)
-                cell = system%symbol(i, j)
-                write (unit, "(a)", advance="no") adjustr(cell)
+                call write_cell(system%symbol(i, j))
             end do
             write (unit, "(a)") merge("  m a - m g - F ", "  I alpha - M   ", index(system%row(i), " F") > 0)
         end do
         write (unit, "(/,a)") "In numbers (SI units)"
-        call write_header(system, unit)
+        call write_header()
         do i = 1, size(system%row)
             write (unit, "(a)", advance="no") system%row(i)
             do j = 1, size(system%column)
-                cell = "."
-                if (system%symbol(i, j) /= ".") write (cell, "(g12.5)") system%matrix(i, j)
-                write (unit, "(a)", advance="no") adjustr(cell)
+                if (system%symbol(i, j) == ".") then
+                    call write_cell(".")
+                else
+                    call write_cell(in_digits(system%matrix(i, j)))
+                end if
             end do
-            write (cell, "(g12.5)") system%right(i)
-            write (unit, "(a)") " "//cell
+            right = in_digits(system%right(i))
+            write (unit, "(a)") " "//right
         end do
+
+    contains
+
+        subroutine write_header()
+            integer :: k
+
+            write (unit, "(a)", advance="no") repeat(" ", label_len)
+            do k = 1, size(system%column)
+                call write_cell(system%column(k))
+            end do
+            write (unit, "(a)") "  = b"
+        end subroutine write_header
+
+        !> Against the right edge of its column.
+        subroutine write_cell(text)
+            character(len=*), intent(in) :: text
+
+            write (unit, "(a)", advance="no") repeat(" ", width - len_trim(text))//trim(text)
+        end subroutine write_cell
     end subroutine write_system
 
-    subroutine write_header(system, unit)
-        type(system_type), intent(in) :: system
-        integer, intent(in) :: unit
-        character(len=number_len) :: cell
-        integer :: j
+    !> Zero without a sign.
+    function in_digits(x) result(text)
+        real(wp), intent(in) :: x
+        character(len=number_len) :: text
 
-        write (unit, "(a)", advance="no") repeat(" ", label_len)
-        do j = 1, size(system%column)
-            cell = system%column(j)
-            write (unit, "(a)", advance="no") adjustr(cell)
-        end do
-        write (unit, "(a)") "  = b"
-    end subroutine write_header
+        write (text, "(g12.5)") merge(x, 0.0_wp, abs(x) > 0)
+    end function in_digits
 end module linkdyn_explain_matrix

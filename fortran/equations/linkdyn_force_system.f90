@@ -329,7 +329,7 @@ contains
         type(mass_properties) :: properties
         type(vector) :: force, moment, p, f, m
         type(value) :: row(6)
-        integer :: axes, turning, i, k
+        integer :: axes, turning, n_before, i, k
 
         axes = merge(own_axes, world_axes, layout%in_own_axes(l))
         turning = merge(mechanism%bodies%body(l)%turning, 0, layout%in_own_axes(l))
@@ -358,8 +358,9 @@ contains
         row = [components(force), components(moment)]
         do k = 1, 6
             if (mechanism%model%is_planar .and. any(k == [3, 4, 5])) cycle
+            n_before = system%n_equation
             call require(system, row(k))
-            if (unknowns%wants_names) unknowns%equation = &
+            if (unknowns%wants_names .and. system%n_equation > n_before) unknowns%equation = &    ! one without unknowns is none
                 [character(len=label_len) :: unknowns%equation, trim(mechanism%model%link(l)%name)//" "//component_name(k)]
         end do
 

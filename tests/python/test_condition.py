@@ -36,7 +36,7 @@ def rcond(case: Case, solver: str) -> np.ndarray:
 def printed_matrix(scene: linkdyn.Scene) -> np.ndarray:
     """The matrix that ``explain`` writes in numbers, right-hand side left out."""
     _, *rows = scene.explain(matrix=True).split("In numbers (SI units)")[1].strip().splitlines()
-    cells = [[row[24 + 12 * k : 36 + 12 * k].strip() for k in range((len(row) - 24) // 12)][: len(rows)] for row in rows]
+    cells = [row[24:].split()[:-1] for row in rows]
     return np.array([[0.0 if cell == "." else float(cell) for cell in row] for row in cells])
 
 

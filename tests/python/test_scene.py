@@ -431,3 +431,37 @@ def test_equations_written_out(fivebar):
     assert full.startswith(report) and len(full) > len(report)
     for text in ("In symbols", "In numbers", "J1 Fx", "crank2 Mz", "yG-yJ"):
         assert text in full[len(report) :], text
+
+
+def test_equations_written_out_of_what_is_driven_too_little_or_too_much():
+    """As many columns as unknowns; rows are named by what stands in them, one in which nothing is unknown is none."""
+
+    def table(text: str) -> list[list[str]]:
+        return [line[24:].split()[:-1] for line in text.split("In numbers (SI units)\n")[1].splitlines()[1:]]
+
+    def two_hinges(motors: list[str]) -> linkdyn.Scene:
+        links = [{"name": name, "markers": {"o": [0, 0], "p": [1, 0]}, "cog": [0.5, 0], "mass": 1} for name in ("left", "right")]
+        joints = [{"name": name, "type": "revolute", "between": ["frame.O", f"{name}.o"]} for name in ("left", "right")]
+        scene = {"space": "planar", "frame": {"markers": {"O": [0, 0]}}, "link": links, "joint": joints, "gravity": [0, -10]}
+        scene["coordinate"] = [{"joint": name} for name in ("left", "right")]
+        scene["actuator"] = [{"name": f"motor{k}", "joint": name} for k, name in enumerate(motors)]
+        return linkdyn.Scene(scene)
+
+    few = two_hinges(["right"]).explain(matrix=True)
+    assert [len(row) for row in table(few)] == 6 * [5]
+    assert table(few)[2][-1] == "." and float(table(few)[5][-1]) == 1      # no drive turns the left one
+    middles = linkdyn.Scene(
+        {
+            "space": "planar",
+            "frame": {"markers": {"O": [0, 0]}},
+            "link": [{"name": name, "markers": {"o": [0, 0]}, "mass": 1, "inertia": 1} for name in ("left", "right")],
+            "joint": [{"name": name, "type": "revolute", "between": ["frame.O", f"{name}.o"]} for name in ("left", "right")],
+            "coordinate": [{"joint": name} for name in ("left", "right")],
+            "actuator": [{"joint": "right"}],
+        }
+    ).explain(matrix=True)
+    assert [len(row) for row in table(middles)] == 5 * [5]
+    assert "left Mz" not in middles.split("In numbers")[1]
+    many = two_hinges(["left", "right", "right"]).explain(matrix=True)
+    assert [len(row) for row in table(many)] == 6 * [7]
+    assert [row[-2:] for row in table(many)] == 5 * [[".", "."]] + [["1.0000", "1.0000"]]
