@@ -7,7 +7,7 @@
 !> at before.
 module linkdyn_stage_places
     use linkdyn_carried_assembly, only: carried_assembly
-    use linkdyn_group_stride, only: predicted
+    use linkdyn_group_stride, only: predict
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, place_size
@@ -49,7 +49,7 @@ contains
         real(wp), intent(in) :: q(:)                   !! coordinates of the stage (n_q)
         real(wp), intent(out) :: from(:)               !! likewise, where the way begins
         real(wp), intent(out) :: stand(:, :)           !! places there (place_size, n_link)
-        real(wp), intent(out) :: ahead(:, :)           !! likewise, predicted
+        real(wp), intent(out), contiguous :: ahead(:, :)    !! likewise, predicted
         logical :: goes_on
 
         from = assembly%q(lane, :)
@@ -62,7 +62,8 @@ contains
             from = stage%q(:, lane)
             stand = stage%place(:, :, lane)
         end if
-        ahead = predicted(model, stand, assembly%column(lane, :, :, :), q - from)
+        ahead = stand
+        call predict(model, assembly%column(lane, :, :, :), q - from, ahead)
 
     contains
 

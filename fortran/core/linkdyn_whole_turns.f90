@@ -8,7 +8,7 @@ module linkdyn_whole_turns
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: whole_turns, take_off, with_turns, least_angle, has_vague_turn
+    public :: whole_turns, take_off, with_turns, nearest_turns, least_angle, has_vague_turn
 
     !> A turn in pieces of 30 bits, more than twice the digits of any kind of real.
     integer, parameter :: piece(0:7) = [6, 304067908, 280256794, 412666961, 470212838, 575800476, 71644134, 243286391]
@@ -22,8 +22,18 @@ contains
     elemental real(wp) function least_angle(angle) result(least)
         real(wp), intent(in) :: angle      !! [rad]
 
-        least = angle - two_pi*anint(angle/two_pi)
+        least = angle - two_pi*nearest_turns(angle)
     end function least_angle
+
+    !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call.
+    elemental real(wp) function nearest_turns(angle) result(turns)
+        real(wp), intent(in) :: angle      !! [rad]
+        real(wp), parameter :: surely_none = 3    ! less than half a turn
+
+        turns = 0
+        ! written so that no number has no turns
+        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi)
+    end function nearest_turns
 
     !> Has an angle so many turns that rounding leaves less than half of the digits of its rest?
     elemental logical function has_vague_turn(angle)
@@ -36,7 +46,7 @@ contains
     elemental real(wp) function whole_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
 
-        turns = anint(angle/two_pi)
+        turns = nearest_turns(angle)
         turns = sign(min(abs(turns), most), turns)
     end function whole_turns
 

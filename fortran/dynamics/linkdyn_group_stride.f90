@@ -11,13 +11,13 @@ module linkdyn_group_stride
     use linkdyn_following, only: largest_contraction
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: moved_place, spun_place, turned_axis
+    use linkdyn_link_place, only: moved_place, move_in_space, spun_place, turned_axis
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, &
-        least_group_margin, take_spins_apart
+        least_group_margin
     implicit none (type, external)
     private
-    public :: group_stride, stride_groups, find_tangents, predicted, close_from, close_places
+    public :: group_stride, stride_groups, find_tangents, predict, close_from, close_places
 
     integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
     integer, parameter :: n_behind = 6              !! samples that a curve is laid through
@@ -121,12 +121,12 @@ contains
         subroutine take_rates(group, n_thread)
             type(group_type), intent(in) :: group
             integer, intent(in) :: n_thread
-            real(wp), dimension(size(group%unit), n) :: correction, velocity
+            real(wp) :: velocity(size(group%unit), n)
             real(wp) :: turned(2*n_thread, n)
             integer :: s
 
-            call closer%make_steps(g, at(:, 1:), way(:, :n - 1), branch, stride%place(:, :, 1:), correction, velocity, margin, &
-                                   is_sure, turned)
+            call closer%make_steps(g, at(:, 1:), way(:, :n - 1), branch, stride%place(:, :, 1:), margin, is_sure, rate=velocity, &
+                                   thread=turned)
             do s = 1, n
                 stride%rate_there(:, group%link, s) = reshape(velocity(:, s), [link_freedom(model), size(group%link)])
             end do
@@ -176,21 +176,20 @@ contains
 
         call find_tangents(model, closer, at(:, first - 1), branch, place(:, :, first - 1), tangents)
         do s = first, last
-            place(:, :, s) = predicted(model, place(:, :, first - 1), tangents%rate, at(:, s) - at(:, first - 1))
+            place(:, :, s) = place(:, :, first - 1)
+            call predict(model, tangents%rate, at(:, s) - at(:, first - 1), place(:, :, s))
         end do
     end subroutine lead_by_tangents
 
     !> Where tangents lead.
-    pure function predicted(model, place, tangent, way) result(ahead)
+    pure subroutine predict(model, tangent, way, place)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: place(:, :)                    !! (place_size, n_link)
-        real(wp), intent(in) :: tangent(:, :, :)               !! for each coordinate (link_freedom, n_link, n_q)
+        real(wp), intent(in), contiguous :: tangent(:, :, :)   !! for each coordinate (link_freedom, n_link, n_q)
         real(wp), intent(in) :: way(:)                         !! (n_q)
-        real(wp) :: ahead(size(place, 1), size(place, 2))
+        real(wp), intent(inout), contiguous :: place(:, :)     !! (place_size, n_link)
         real(wp) :: by(size(tangent, 1))
         integer :: g, i, k
 
-        ahead = place
         do g = 1, size(model%group)
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
@@ -198,25 +197,27 @@ contains
                     do k = 1, size(way)
                         by = by + way(k)*tangent(:, l, k)
                     end do
-                    ahead(:, l) = led_place(model%group(g), i, place(:, l), by)
+                    call lead_link(model%group(g), i, by, place(:, l))
                 end associate
             end do
         end do
-    end function predicted
+    end subroutine predict
 
     !> A group's link on its way, on which it may spin about its thread.
-    pure function led_place(group, i, place, by) result(ahead)
+    pure subroutine lead_link(group, i, by, place)
         type(group_type), intent(in) :: group
         integer, intent(in) :: i                               !! of its links
-        real(wp), intent(in) :: place(:), by(:)
-        real(wp) :: ahead(size(place))
+        real(wp), intent(in), contiguous :: by(:)
+        real(wp), intent(inout), contiguous :: place(:)
 
-        if (all(group%thread_axis(:, i) == 0)) then
-            ahead = moved_place(place, by)
+        if (size(place) == 3) then
+            place = place + by
+        else if (all(group%thread_axis(:, i) == 0)) then
+            call move_in_space(place, by)
         else
-            ahead = spun_place(place, by, group%thread_axis(:, i), turned_axis(place, group%thread_axis(:, i)))
+            place = spun_place(place, by, group%thread_axis(:, i), turned_axis(place, group%thread_axis(:, i)))
         end if
-    end function led_place
+    end subroutine lead_link
 
     !> Rates and drifts at a place, one for each coordinate.
     subroutine find_tangents(model, closer, q, branch, place, tangents)
@@ -245,10 +246,13 @@ contains
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! coordinates, ways for rates (n_q, n)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, n, or 1 for all)
         real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
-        type(group_stride), intent(out) :: found               !! (..., n)
+        type(group_stride), intent(inout) :: found             !! (..., n or more); as it was left, its room is used again
 
-        call make_room(model, 1, size(at, 2), found)
-        found%place = place
+        if (allocated(found%place)) then
+            if (size(found%place, 3) < size(at, 2)) found = group_stride()
+        end if
+        if (.not. allocated(found%place)) call make_room(model, 1, size(at, 2), found)
+        found%place(:, :, :size(at, 2)) = place
         call close_samples(model, closer, at, way, branch, 1, size(at, 2), found)
     end subroutine close_from
 
@@ -323,42 +327,53 @@ contains
         real(wp), intent(out) :: margin(:)
         real(wp), intent(inout) :: thread(:, :)                !! angles of its threads, then their rates, and room (number, sample)
         logical, intent(inout) :: is_closed(:)
-        real(wp), dimension(size(model%group(g)%unit), size(at, 2)) :: correction, velocity
-        real(wp) :: spin(size(model%group(g)%unit)), turned(2*model%group(g)%n_thread, size(at, 2))
+        real(wp) :: velocity(size(model%group(g)%unit), size(at, 2)), turned(2*model%group(g)%n_thread, size(at, 2))
+        real(wp) :: corrected(size(place, 1)*size(model%group(g)%link), size(at, 2)), extent(3, size(at, 2))
         real(wp), dimension(size(at, 2)) :: margin_here, before, contraction
         logical, dimension(size(at, 2)) :: is_sure, is_under_way
-        real(wp) :: largest, noise, extent
+        real(wp) :: noise, whole
         integer :: step, s
 
-        extent = scene_size(model)
+        whole = scene_size(model)
         is_under_way = is_closed
         before = huge(1.0_wp)
         contraction = 0
         margin = 0
         do step = 1, most_steps
-            call closer%make_steps(g, at, way, branch, place, correction, velocity, margin_here, is_sure, turned)
+            call closer%make_steps(g, at, way, branch, place, margin_here, is_sure, rate=velocity, thread=turned, &
+                                   corrected=corrected, extent=extent)
             do s = 1, size(at, 2)
                 if (.not. is_under_way(s)) cycle
                 margin(s) = margin_here(s)
-                call take_spins_apart(model%group(g), place(:, :, s), correction(:, s), spin)
-                largest = maxval(abs(correction(:, s))/model%group(g)%unit)
-                noise = rounding_at(distance_of(model, model%group(g), extent, place(:, :, s)), extent) &
-                        /max(abs(margin(s)), least_group_margin)
-                if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
-                is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. &
-                               maxval(abs(correction(:, s) - spin)/model%group(g)%unit) <= largest_turn
-                is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
-                before(s) = largest
+                associate (largest => extent(1, s), bounded => extent(2, s), distance => extent(3, s))
+                    noise = rounding_at(distance, whole)/max(abs(margin(s)), least_group_margin)
+                    if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
+                    is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. bounded <= largest_turn
+                    is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
+                    before(s) = largest
+                end associate
                 if (.not. is_closed(s)) cycle
-                call move_links(model, model%group(g), -correction(:, s), place(:, :, s))
+                call put_links(model%group(g), corrected(:, s), place(:, :, s))
                 thread(:size(turned, 1), s) = turned(:, s)
-                if (.not. is_under_way(s)) &
-                    rate(:, model%group(g)%link, s) = reshape(velocity(:, s), [size(rate, 1), size(model%group(g)%link)])
+                if (.not. is_under_way(s)) call put_links(model%group(g), velocity(:, s), rate(:, :, s))
             end do
             if (.not. any(is_under_way)) return
         end do
         is_closed = is_closed .and. .not. is_under_way
     end subroutine close_group
+
+    !> Numbers of a group's links, one link after the other, to where those of all links are.
+    pure subroutine put_links(group, of_group, all_links)
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: of_group(:)
+        real(wp), intent(inout) :: all_links(:, :)             !! (number, n_link)
+        integer :: i, n
+
+        n = size(all_links, 1)
+        do i = 1, size(group%link)
+            all_links(:, group%link(i)) = of_group(n*(i - 1) + 1:n*i)
+        end do
+    end subroutine put_links
 
     !> The margins' rates along the way, from the margins a little further on, where the links' velocities lead.
     subroutine find_drift(model, closer, at, way, branch, place, rate, margin, drift, is_closed)
@@ -370,7 +385,6 @@ contains
         real(wp), intent(in) :: margin(:, :)                   !! (n_group, sample)
         real(wp), intent(out) :: drift(:, :)                   !! (n_group, sample)
         logical, intent(inout) :: is_closed(:)
-        real(wp), allocatable :: correction(:, :), velocity(:, :)
         real(wp) :: ahead(size(place, 1), size(place, 2), size(place, 3)), q(size(at, 1), size(at, 2))
         real(wp), dimension(size(at, 2)) :: margin_ahead, step
         logical :: is_sure(size(at, 2))
@@ -395,29 +409,13 @@ contains
             end do
         end do
         do g = 1, size(model%group)
-            allocate (correction(size(model%group(g)%unit), size(at, 2)), velocity(size(model%group(g)%unit), size(at, 2)))
-            call closer%make_steps(g, q, way, branch, ahead, correction, velocity, margin_ahead, is_sure)
+            call closer%make_steps(g, q, way, branch, ahead, margin_ahead, is_sure)
             is_closed = is_closed .and. is_sure
             drift(g, :) = merge((margin_ahead - margin(g, :))/max(step, tiny(1.0_wp)), 0.0_wp, step > 0)
-            deallocate (correction, velocity)
         end do
     end subroutine find_drift
 
     ! ---------------------------------------------------------------- one sample
-
-    !> How far from the world's origin a group's links are, at least the mechanism's size.
-    pure real(wp) function distance_of(model, group, extent, place) result(distance)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: extent                         !! the mechanism's size
-        real(wp), intent(in) :: place(:, :)
-        integer :: i
-
-        distance = extent
-        do i = 1, size(group%link)
-            distance = max(distance, maxval(abs(place(:n_shift(model), group%link(i)))))
-        end do
-    end function distance_of
 
     !> The largest rate of a group's links, lengths by the mechanism's size.
     pure real(wp) function speed_of(model, group, extent, rate) result(speed)
@@ -434,18 +432,4 @@ contains
             end associate
         end do
     end function speed_of
-
-    pure subroutine move_links(model, group, by, place)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: by(:)                          !! (row)
-        real(wp), intent(inout) :: place(:, :)
-        integer :: i
-
-        do i = 1, size(group%link)
-            associate (l => group%link(i), freedom => link_freedom(model))
-                place(:, l) = led_place(group, i, place(:, l), by(freedom*(i - 1) + 1:freedom*i))
-            end associate
-        end do
-    end subroutine move_links
 end module linkdyn_group_stride

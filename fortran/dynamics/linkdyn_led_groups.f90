@@ -6,7 +6,7 @@
 module linkdyn_led_groups
     use linkdyn_following, only: follower, footing, way_report, follow_way, way_arrived
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, close_from, predicted
+    use linkdyn_group_stride, only: group_stride, close_from, predict
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -89,7 +89,7 @@ contains
             associate (lane => self%lane(i))
                 q(:, i) = self%from(:, i) + part(lane)*self%way(:, i)
                 if (allocated(self%rate)) &
-                    ahead(:, :, i) = predicted(self%model, self%place(:, :, i), self%rate(:, :, i:i), [part(lane) - self%at(lane)])
+                    call predict(self%model, self%rate(:, :, i:i), [part(lane) - self%at(lane)], ahead(:, :, i))
             end associate
         end do
         call close_from(self%model, self%closer, q, self%way, self%branch, ahead, self%tried)

@@ -28,12 +28,11 @@ module linkdyn_newton_group
     use linkdyn_step_part, only: describe_steps
     use linkdyn_threads_of_group, only: surely_same_turn
     use linkdyn_uncertainty, only: uncertainty_of_motion
-    use linkdyn_whole_turns, only: least_angle
+    use linkdyn_whole_turns, only: nearest_turns, least_angle
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted
-    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin, &
-        take_spins_apart
+    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
@@ -442,8 +441,8 @@ contains
         end do
         q_row = transpose(q)
         qd_row = transpose(state%qd)
-        call state%group%closer%make_steps(g, q_row, qd_row, transpose(state%branch), stand, correction_row, rate_row, margin, &
-                                           is_sure)
+        call state%group%closer%make_steps(g, q_row, qd_row, transpose(state%branch), stand, margin, is_sure, correction_row, &
+                                           rate_row)
         correction = transpose(correction_row)
         rate = transpose(rate_row)
     end subroutine make_step_by_record
@@ -498,7 +497,7 @@ contains
             about = turned_axis(place(:, group%link(i)), group%thread_axis(:, i))
             associate (turn => correction(6*i - 2:6*i))
                 angle = dot_product(turn, about)
-                turn = turn - two_pi*anint(angle/two_pi)*about
+                turn = turn - two_pi*nearest_turns(angle)*about
             end associate
             spin(6*i - 2:6*i) = least_angle(angle)*about
         end do

@@ -4,29 +4,40 @@ module linkdyn_link_place
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: moved_place, spun_place, motion_between, turned_axis
+    public :: moved_place, move_in_space, spun_place, motion_between, turned_axis
 
 contains
 
-    !> A place after a small shift and turn, in space about x, y, z of the world. The turn comes out shorter by the twelfth part
-    !> of its third power.
+    !> A place after a small shift and turn, in space about x, y, z of the world.
     pure function moved_place(place, by) result(moved)
         real(wp), intent(in) :: place(:)             !! (place_size)
         real(wp), intent(in) :: by(:)                !! (link_freedom)
         real(wp) :: moved(size(place))
 
+        moved = place
         if (size(place) == 3) then
-            moved = place + by
-            return
+            moved = moved + by
+        else
+            call move_in_space(moved, by)
         end if
-        moved(:3) = place(:3) + by(:3)
-        ! (1, turn/2) times the quaternion
-        moved(4) = place(4) - (by(4)*place(5) + by(5)*place(6) + by(6)*place(7))/2
-        moved(5) = place(5) + (by(4)*place(4) + by(5)*place(7) - by(6)*place(6))/2
-        moved(6) = place(6) + (by(5)*place(4) + by(6)*place(5) - by(4)*place(7))/2
-        moved(7) = place(7) + (by(6)*place(4) + by(4)*place(6) - by(5)*place(5))/2
-        moved(4:) = moved(4:)/sqrt(sum(moved(4:)**2))
     end function moved_place
+
+    !> The same in space, where it is. The turn comes out shorter by the twelfth part of its third power.
+    pure subroutine move_in_space(place, by)
+        real(wp), intent(inout) :: place(7)
+        real(wp), intent(in) :: by(6)
+        real(wp) :: half(3), w, x, y, z, part
+
+        place(:3) = place(:3) + by(:3)
+        ! (1, turn/2) times the quaternion
+        half = by(4:)/2
+        w = place(4) - (half(1)*place(5) + half(2)*place(6) + half(3)*place(7))
+        x = place(5) + (half(1)*place(4) + half(2)*place(7) - half(3)*place(6))
+        y = place(6) + (half(2)*place(4) + half(3)*place(5) - half(1)*place(7))
+        z = place(7) + (half(3)*place(4) + half(1)*place(6) - half(2)*place(5))
+        part = 1/sqrt(w*w + x*x + y*y + z*z)
+        place(4:) = part*[w, x, y, z]
+    end subroutine move_in_space
 
     !> The same of a link that may spin fast about an axis of its own: that turn first, whatever its size and exactly, then the
     !> rest. One turn about an axis that is nearly its own would take the axis round in a circle, and leave it nearly where it was.

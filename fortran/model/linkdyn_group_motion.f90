@@ -18,20 +18,25 @@ module linkdyn_group_motion
     end type group_closer
 
     abstract interface
-        !> What a group needs where its links stand, for some samples.
-        subroutine make_steps(self, g, q, qd, branch, place, correction, rate, margin, is_sure, thread)
+        !> What a group needs where its links stand, for some samples; what is not asked for costs less.
+        subroutine make_steps(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent)
             import :: group_closer, wp
             class(group_closer), intent(in) :: self
             integer, intent(in) :: g                         !! number of the group
             real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :)     !! (n_q, sample)
             real(wp), intent(in), contiguous, target :: branch(:, :)          !! (n_branch, sample, or 1 for all)
             real(wp), intent(in), contiguous, target :: place(:, :, :)        !! (place_size, n_link, sample)
-            real(wp), intent(out), contiguous, target :: correction(:, :)     !! to be taken from the places (row, sample)
-            real(wp), intent(out), contiguous, target :: rate(:, :)           !! of the places (row, sample)
             real(wp), intent(out) :: margin(:)               !! (sample)
             logical, intent(out) :: is_sure(:)               !! false: rounding may have grown, or a nut is off its thread (sample)
+            !> To be taken from the places; their rates (row, sample)
+            real(wp), intent(out), contiguous, target, optional :: correction(:, :), rate(:, :)
             !> Angles of the group's threads by their slides, then their rates (2 n_thread, sample) [rad]
             real(wp), intent(out), contiguous, target, optional :: thread(:, :)
+            !> Places of the group's links with the correction taken (place_size times link, sample)
+            real(wp), intent(out), contiguous, target, optional :: corrected(:, :)
+            !> How large the correction is, the same without turns about threads, how far from the origin (3, sample), as
+            !> `linkdyn_corrected_links` has them
+            real(wp), intent(out), contiguous, target, optional :: extent(:, :)
         end subroutine make_steps
     end interface
 

@@ -5,6 +5,7 @@
 !> when the programs are made: a difference would be a defect, and the lanes are believed.
 module linkdyn_closing_programs
     use linkdyn_block, only: block_lanes
+    use linkdyn_corrected_links, only: corrected_links, correct_links
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
@@ -15,7 +16,7 @@ module linkdyn_closing_programs
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
-        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples, run_one_sample
+        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples, run_one_sample, has_output
     use linkdyn_threads_of_group, only: group_threads, measure_threads, surely_same_turn
     use linkdyn_trace, only: traced_type, begin_trace, trace_steps, alarm_of
     use linkdyn_value, only: value, zero, constant, operator(+), operator(*), square
@@ -31,11 +32,12 @@ module linkdyn_closing_programs
     integer, parameter :: out_determinant = 204
     integer, parameter :: out_closing_alarm = 205  !! beyond one, rounding may have grown, or a nut is off its thread
     integer, parameter :: out_thread = 206         !! angles of threads by their slides, then their rates
+    integer, parameter :: out_corrected = 207      !! places with the correction taken
+    integer, parameter :: out_extent = 208         !! how large that is, see `corrected_links`
 
     type :: closing_program
         type(scene_program) :: program
         integer :: n = 0                           !! rows
-        integer :: n_thread = 0
         real(wp) :: sense = 1                      !! of the determinant's sign
     end type closing_program
 
@@ -170,6 +172,7 @@ contains
         type(traced_type) :: traced
         type(newton_step) :: step
         type(group_threads) :: threads
+        type(corrected_links) :: corrected
         type(output_list) :: out
         integer :: i
 
@@ -177,14 +180,16 @@ contains
         call trace_group_step(model, g, sample, traced, step)
         if (step%is_solved) then
             closing%n = size(model%group(g)%unit)
-            closing%n_thread = model%group(g)%n_thread
             call measure_threads(traced%mechanism, model%group(g)%joint, model%group(g)%link, step%rate, threads)
             ! farther off, the nearest turn of a thread need not be that on which its nut is
             traced%mechanism%watched = [traced%mechanism%watched, &
-                                        (constant(1/surely_same_turn)*threads%off(i), i=1, closing%n_thread)]
+                                        (constant(1/surely_same_turn)*threads%off(i), i=1, model%group(g)%n_thread)]
             call list_group_step(model%group(g), traced, step, out)
             call add_output(out, out_rate, step%rate)
-            if (closing%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
+            if (model%group(g)%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
+            call correct_links(model, model%group(g), traced%place, step%correction, corrected)
+            call add_output(out, out_corrected, [corrected%place])
+            call add_output(out, out_extent, [corrected%largest, corrected%bounded, corrected%distance])
             call make_scene_program(record, traced%in, out, closing%program)
         end if
         call close_record(record)
@@ -245,12 +250,11 @@ contains
         real(wp), intent(in) :: margin(:)
         type(closing_programs), intent(inout) :: programs
         real(wp), parameter :: alike = 1.0e-6_wp               !! eps over the margin, for margins that say something
-        real(wp), dimension(programs%of(g)%n, size(q, 2)) :: correction, rate
         real(wp), dimension(size(q, 2)) :: found
         logical, dimension(size(q, 2)) :: is_sure
         integer :: k
 
-        call programs%make_steps(g, q, 0*q, reshape(model%branch, [model%n_branch, 1]), place, correction, rate, found, is_sure)
+        call programs%make_steps(g, q, 0*q, reshape(model%branch, [model%n_branch, 1]), place, found, is_sure)
         k = findloc(is_sure, .true., dim=1)
         programs%is_usable = k > 0
         if (k == 0) return
@@ -262,79 +266,82 @@ contains
     end subroutine compare_margins
 
     !> See `group_closer`.
-    subroutine make_steps_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure, thread)
+    subroutine make_steps_by_record(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent)
         class(closing_programs), intent(in) :: self
         integer, intent(in) :: g
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
-        real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)
         real(wp), intent(out) :: margin(:)
         logical, intent(out) :: is_sure(:)
-        real(wp), intent(out), contiguous, target, optional :: thread(:, :)
+        real(wp), intent(out), contiguous, target, optional :: correction(:, :), rate(:, :), thread(:, :), corrected(:, :), &
+            extent(:, :)
         type(closing_space), pointer :: space
-        real(wp), pointer, contiguous :: place_row(:, :)
-        real(wp) :: turned(2*self%of(g)%n_thread, size(q, 2))
-
-        place_row(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
-        call take_space(self, space)
-        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), space%one(g), correction, rate, margin, is_sure, &
-                       turned)
-        call return_space(self, space)
-        if (present(thread)) thread = turned
-    end subroutine make_steps_by_record
-
-    !> The program of one group, sample after sample.
-    subroutine run_steps(closing, q, qd, branch, place, slots, one, correction, rate, margin, is_sure, thread)
-        type(closing_program), intent(in) :: closing
-        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
-        type(program_space), intent(inout) :: slots, one
-        real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)                   !! (row, sample)
-        real(wp), intent(out) :: margin(:)
-        logical, intent(out) :: is_sure(:)
-        real(wp), intent(out), contiguous, target :: thread(:, :)                                   !! (2 n_thread, sample)
         type(sample_arrays) :: arrays
-        type(output_target) :: to(6)
+        type(output_target) :: to(8)
         real(wp), dimension(1, size(q, 2)), target :: response, determinant, alarm
-        integer :: n, first, count, i
+        logical :: is_bad(size(q, 2))
 
-        n = size(q, 2)
         arrays%of(in_q)%x => q
         arrays%of(in_qd)%x => qd
         arrays%of(in_branch)%x => branch
-        arrays%of(in_place)%x => place
-        to = [goes_to(out_correction, correction), goes_to(out_rate, rate), goes_to(out_response, response), &
-              goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm), goes_to(out_thread, thread)]
-        if (n == 1) then
-            call run_alone()
+        arrays%of(in_place)%x(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
+        to(:3) = [goes_to(out_response, response), goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm)]
+        if (present(correction)) to(4) = goes_to(out_correction, correction)
+        if (present(rate)) to(5) = goes_to(out_rate, rate)
+        if (present(thread)) to(6) = goes_to(out_thread, thread)
+        if (present(corrected)) to(7) = goes_to(out_corrected, corrected)
+        if (present(extent)) to(8) = goes_to(out_extent, extent)
+        call take_space(self, space)
+        if (size(q, 2) == 1) then
+            call run_alone(self%of(g)%program, arrays, space%one(g), to, is_bad(1))
         else
-            do first = 1, n, block_lanes()
-                count = min(block_lanes(), n - first + 1)
-                call load_samples(closing%program, arrays, first, count, slots)
-                call run_samples(closing%program, slots, first, count, to)
-            end do
+            call run_blocks(self%of(g)%program, size(q, 2), arrays, space%slots(g), to, is_bad)
         end if
+        call return_space(self, space)
         ! A direction of n has the n-th part of a unit vector's square, on average.
-        margin = sign(sqrt(n_probe/(closing%n*response(1, :))), closing%sense*determinant(1, :))
+        margin = sign(sqrt(n_probe/(self%of(g)%n*response(1, :))), self%of(g)%sense*determinant(1, :))
         ! Written so that what is no number is not sure.
-        is_sure = alarm(1, :) <= 1 .and. response(1, :) <= huge(1.0_wp)
-        do i = 1, n
-            is_sure(i) = is_sure(i) .and. all(abs(correction(:, i)) <= huge(1.0_wp)) .and. all(abs(rate(:, i)) <= huge(1.0_wp))
+        is_sure = alarm(1, :) <= 1 .and. .not. is_bad
+    end subroutine make_steps_by_record
+
+    subroutine run_blocks(program, n, arrays, slots, to, is_bad)
+        type(scene_program), intent(in) :: program
+        integer, intent(in) :: n                               !! samples
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(inout) :: slots
+        type(output_target), intent(in) :: to(:)
+        logical, intent(out) :: is_bad(:)                      !! a number that is none (sample)
+        integer :: first, count
+
+        is_bad = .false.
+        do first = 1, n, block_lanes()
+            count = min(block_lanes(), n - first + 1)
+            call load_samples(program, arrays, first, count, slots)
+            call run_samples(program, slots, first, count, to, is_bad(first:first + count - 1))
         end do
+    end subroutine run_blocks
 
-    contains
+    !> One sample, as a run has it, which takes a part of what a block takes.
+    subroutine run_alone(program, arrays, one, to, is_bad)
+        type(scene_program), intent(in) :: program
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(inout) :: one
+        type(output_target), intent(in) :: to(:)
+        logical, intent(out) :: is_bad
+        real(wp) :: output(program%program%n_output)
+        integer :: t, k
 
-        !> One sample, as a run has it, which takes a part of what a block takes. Its outputs come in their order.
-        subroutine run_alone()
-            real(wp) :: output(2*closing%n + 3 + 2*closing%n_thread)
-
-            call run_one_sample(closing%program, arrays, one, output)
-            correction(:, 1) = output(:closing%n)
-            response(1, 1) = output(closing%n + 1)
-            determinant(1, 1) = output(closing%n + 2)
-            alarm(1, 1) = output(closing%n + 3)
-            rate(:, 1) = output(closing%n + 4:2*closing%n + 3)
-            thread(:, 1) = output(2*closing%n + 4:)
-        end subroutine run_alone
-    end subroutine run_steps
+        call run_one_sample(program, arrays, one, output)
+        is_bad = .false.
+        do t = 1, size(to)
+            if (to(t)%id == 0) cycle
+            k = has_output(program, to(t)%id)
+            if (k == 0) cycle
+            associate (found => output(program%first(k):program%first(k) + program%n(k) - 1))
+                to(t)%x(:size(found), 1) = found
+                is_bad = is_bad .or. .not. all(abs(found) <= huge(1.0_wp))
+            end associate
+        end do
+    end subroutine run_alone
 
     !> Idle scratch, or new.
     subroutine take_space(self, space)

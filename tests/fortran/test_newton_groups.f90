@@ -14,7 +14,7 @@ module test_newton_groups
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, step_group
+    use linkdyn_model, only: model_type, group_type, scene_size, step_group
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_quaternion, only: turned_by
@@ -256,7 +256,7 @@ contains
         class(margin_source), pointer :: margins
         type(stride_type) :: stride
         real(wp) :: q(1, 1), way(1, 1), branch(0, 1), margin(1), thread(2, 1)
-        real(wp), allocatable :: correction(:, :), rate(:, :), place(:, :, :)
+        real(wp), allocatable :: place(:, :, :)
         logical :: is_sure(1)
         integer :: i, s, spindle
 
@@ -271,14 +271,13 @@ contains
         call check(error, closing%is_usable, "there are programs")
         if (.not. closing%is_usable) return
         associate (group => model%group(1))
-            allocate (correction(size(group%unit), 1), rate(size(group%unit), 1))
             spindle = findloc(group%link, model%joint(findloc(model%joint%name == "S", .true., dim=1))%link(2), dim=1)
             do i = 0, size(off)
                 place = found%place
                 associate (p => place(:, group%link(spindle), 1), axis => group%thread_axis(:, spindle))
                     if (i > 0) p = spun_place(p, [(0.0_wp, s=1, 3), off(i)*turned_axis(p, axis)], axis, turned_axis(p, axis))
                 end associate
-                call closing%make_steps(1, q, way, branch, place, correction, rate, margin, is_sure, thread)
+                call closing%make_steps(1, q, way, branch, place, margin, is_sure, thread=thread)
                 call check(error, is_sure(1) .eqv. (i == 0 .or. modulo(i, 2) == 1), "sure where a nut is near its thread")
                 if (i == 0) call check_close(error, thread(:, 1), [q, way], 1.0e-12_wp*q(1, 1), "the nut's turns, and their rate")
             end do
@@ -317,7 +316,7 @@ contains
         type(sample_assembly) :: found
         type(closing_programs) :: closing
         type(random_stream) :: stream
-        real(wp), allocatable :: q(:, :), way(:), correction(:, :), rate(:, :), place(:, :, :)
+        real(wp), allocatable :: q(:, :), way(:), correction(:, :), rate(:, :), place(:, :, :), corrected(:, :), extent(:, :)
         real(wp) :: margin(1), shift(3)
         logical :: is_sure(1)
         integer :: i, k, l, first
@@ -335,12 +334,14 @@ contains
             if (.not. closing%is_usable) return
             associate (group => model%group(1))
                 allocate (correction(size(group%unit), 1), rate(size(group%unit), 1))
+                allocate (corrected(7*size(group%link), 1), extent(3, 1))
                 place = found%place(:, :, :1)
                 shift = 1.0e-6_wp*stream%vector(3)
                 place(:3, group%link(2), 1) = place(:3, group%link(2), 1) + shift
                 call closing%make_steps(1, q(:, :1), reshape(way, [model%n_q, 1]), reshape(model%branch, [model%n_branch, 1]), &
-                                        place, correction, rate, margin, is_sure)
+                                        place, margin, is_sure, correction, rate, corrected=corrected, extent=extent)
                 call check(error, is_sure(1), trim(name(i))//": no alarm")
+                call check_corrected(trim(name(i)), model, group, place(:, :, 1), correction(:, 1), corrected(:, 1), extent(:, 1))
                 do k = 1, size(group%link)
                     l = group%link(k)
                     first = 6*(k - 1)
@@ -349,10 +350,44 @@ contains
                     call check_close(error, correction(first + 1:first + 3, 1), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
                                      trim(name(i))//": shifts taken back")
                 end do
-                deallocate (correction, rate)
+                deallocate (correction, rate, corrected, extent)
             end associate
             call closing%free()
         end do
+
+    contains
+
+        !> Where the record says that a correction leads, and how large it is: against the places' own arithmetic.
+        subroutine check_corrected(what, model, group, place, correction, corrected, extent)
+            character(len=*), intent(in) :: what
+            type(model_type), intent(in) :: model
+            type(group_type), intent(in) :: group
+            real(wp), intent(in) :: place(:, :), correction(:), corrected(:), extent(:)
+            real(wp) :: by(6), there(7), about(3), bounded(6), largest, largest_bounded
+            integer :: k
+
+            largest = 0
+            largest_bounded = 0
+            do k = 1, size(group%link)
+                associate (unit => group%unit(6*k - 5:6*k), stand => place(:, group%link(k)), axis => group%thread_axis(:, k))
+                    by = -correction(6*k - 5:6*k)
+                    bounded = by
+                    about = 0
+                    if (any(abs(axis) > 0)) then
+                        about = turned_axis(stand, axis)
+                        there = spun_place(stand, by, axis, about)
+                    else
+                        there = moved_place(stand, by)
+                    end if
+                    bounded(4:) = by(4:) - dot_product(by(4:), about)*about
+                    call check_close(error, corrected(7*k - 6:7*k), there, 20*eps, what//": where a correction leads")
+                    largest = max(largest, maxval(abs(by)/unit))
+                    largest_bounded = max(largest_bounded, maxval(abs(bounded)/unit))
+                end associate
+            end do
+            call check_close(error, extent, [largest, largest_bounded, max(scene_size(model), &
+                             maxval(abs(place(:3, group%link))))], 20*eps*maxval(extent), what//": how large it is")
+        end subroutine check_corrected
     end subroutine test_recorded_steps
 
     !> Motions followed by strides of recorded steps and by lanes: the same assemblies, and the same words where one is lost.
