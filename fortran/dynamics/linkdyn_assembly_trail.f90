@@ -91,13 +91,19 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: n
         type(sample_assembly), intent(out) :: assembly
+        real(wp) :: start(place_size(model), model%n_link)
+        integer :: i
 
         assembly%branch = spread(model%branch, 2, n)
         allocate (assembly%status(n), source=sample_ok)
         allocate (assembly%reached(n), source=reached_straight)
         if (size(model%group) == 0) return
         assembly%q = spread(model%start_q, 2, n)
-        assembly%place = spread(start_places(model), 3, n)
+        start = start_places(model)
+        allocate (assembly%place(size(start, 1), size(start, 2), n))
+        do i = 1, n
+            assembly%place(:, :, i) = start
+        end do
         allocate (assembly%margin(size(model%group), n), source=0.0_wp)
     end subroutine make_room
 
@@ -167,7 +173,7 @@ contains
         class(margin_source), pointer :: forms
         integer, parameter :: shortest = 64          !! samples of a stride
         integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
-        integer :: n_done, n, stride, longest
+        integer :: n_done, goal, n, stride, longest
         logical :: strides
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
@@ -189,10 +195,10 @@ contains
                 cycle
             end if
             if (strides) then
-                n = min(stride, size(q, 2) - n_done)
+                goal = min(n_done + stride, size(q, 2))
                 stride = min(longest, 2*stride)
-                call stride_on(model, q(:, n_done + 1:n_done + n), trail, assembly, n_done, forms)
-                if (n_done == size(q, 2)) exit
+                call stride_on(model, q(:, n_done + 1:goal), trail, assembly, n_done, forms)
+                if (n_done == goal) cycle
                 ! Where lanes have to help, what lies beyond may be in vain.
                 stride = shortest
             end if
