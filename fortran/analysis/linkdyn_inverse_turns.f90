@@ -21,36 +21,54 @@ contains
         type(inverse_solver) :: solver                     ! of motion alone
         type(inverse_options) :: options
         type(status_type) :: status
-        real(wp) :: turned(size(variable, 1))
+        real(wp) :: about(size(variable, 1))
         logical :: is_sure
-        integer :: i
+        integer :: i, last                                 ! sample of this batch; 0: one of the batch before
 
         call list_turning(model, angles)
         if (size(angles%variable) == 0) return
+        last = 0
         do i = 1, size(variable, 2)
-            if (.not. all(abs(variable(:, i)) + abs(rate(:, i)) <= huge(1.0_wp))) cycle
-            if (.not. turns%has_begun) turns%before = 0*variable(:, i)
-            turned = 0
+            if (.not. is_finite(variable(:, i), rate(:, i))) cycle
+            about = 0
             if (turns%has_begun .and. any(angles%coordinate == 0) .and. .not. is_anew(assembly, i)) then
-                call turn_at_mean_rates(angles, q(:, i) - turns%q, turns%qd, qd(:, i), turns%rate, rate(:, i), turns%before, &
-                                        variable(:, i), turned, is_sure)
-                if (.not. is_sure) then
-                    if (.not. associated(solver%pool)) then
-                        options%wants_forces = .false.
-                        options%by_record = .false.
-                        call prepare_inverse(model, options, .false., solver, status)
-                        call step_alike()
-                    end if
-                    call turn_on_way(model, solver, angles, turns, q(:, i), turned)
+                if (last > 0) then
+                    call turn_at_mean_rates(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+                                            variable(:, last), variable(:, i), about, is_sure)
+                else
+                    call turn_at_mean_rates(angles, turns%q, q(:, i), turns%qd, qd(:, i), turns%rate, rate(:, i), &
+                                            turns%before, variable(:, i), about, is_sure)
                 end if
+                if (.not. is_sure) call look_closer(i)
             end if
-            call count_sample(angles, turns%before + turned, variable(:, i), q(:, i))
-            call come_to_sample(i)
+            if (last > 0) then
+                about = variable(:, last) + about
+            else if (turns%has_begun) then
+                about = turns%before + about
+            end if
+            call count_sample(angles, about, variable(:, i), q(:, i))
+            turns%has_begun = .true.
+            last = i
         end do
+        call come_to_last()
         nullify (solver%closing)                           ! is somebody else's
         if (associated(solver%pool)) call solver%free()
 
     contains
+
+        !> Along the way from the last sample.
+        subroutine look_closer(i)
+            integer, intent(in) :: i
+
+            if (.not. associated(solver%pool)) then
+                options%wants_forces = .false.
+                options%by_record = .false.
+                call prepare_inverse(model, options, .false., solver, status)
+                call step_alike()
+            end if
+            call come_to_last()
+            call turn_on_way(model, solver, angles, turns, q(:, i), about)
+        end subroutine look_closer
 
         !> Groups are led as they were from sample to sample, if programs were made for that.
         subroutine step_alike()
@@ -60,21 +78,29 @@ contains
             solver%n_expected = worth_closing
         end subroutine step_alike
 
-        subroutine come_to_sample(i)
-            integer, intent(in) :: i
-
-            turns%has_begun = .true.
-            turns%before = variable(:, i)
-            turns%rate = rate(:, i)
-            turns%q = q(:, i)
-            turns%qd = qd(:, i)
+        subroutine come_to_last()
+            if (last == 0) return
+            turns%before = variable(:, last)
+            turns%rate = rate(:, last)
+            turns%q = q(:, last)
+            turns%qd = qd(:, last)
             if (.not. allocated(assembly%branch)) return
-            turns%branch = assembly%branch(:, i)
+            turns%branch = assembly%branch(:, last)
             if (.not. allocated(assembly%place)) return
-            turns%set_out = assembly%q(:, i)
-            turns%place = assembly%place(:, :, i)
-        end subroutine come_to_sample
+            turns%set_out = assembly%q(:, last)
+            turns%place = assembly%place(:, :, last)
+        end subroutine come_to_last
     end procedure count_turns_on_way
+
+    pure logical function is_finite(variable, rate)
+        real(wp), intent(in), contiguous :: variable(:), rate(:)
+        integer :: v
+
+        is_finite = .true.
+        do v = 1, size(variable)
+            is_finite = is_finite .and. abs(variable(v)) + abs(rate(v)) <= huge(1.0_wp)
+        end do
+    end function is_finite
 
     !> Was a sample reached from elsewhere than the last one?
     pure logical function is_anew(assembly, i)
@@ -156,7 +182,7 @@ contains
         do i = 1, n
             if (.not. is_sure) return
             if (status(i) /= sample_ok) cycle
-            call turn_at_mean_rates(angles, q(:, i) - q(:, last), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+            call turn_at_mean_rates(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
                                     variable(:, last), variable(:, i), piece, is_sure)
             turned = turned + piece
             last = i

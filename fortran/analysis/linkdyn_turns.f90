@@ -11,13 +11,15 @@ module linkdyn_turns
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, is_length, scene_size
     use linkdyn_scene, only: joint_n_variable, joint_spherical, frame_link
-    use linkdyn_whole_turns, only: least_angle
+    use linkdyn_whole_turns, only: nearest_turns, least_angle
     implicit none (type, external)
     private
     public :: turn_count, turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
 
     !> Steps of coordinates that are longer leave room for a turn between alike rates [rad, or the scene's size].
     real(wp), parameter :: largest_step = pi/2
+    !> Steps that are shorter turn nothing by much, wherever they lead: those between samples at rest are all rounding.
+    real(wp), parameter :: least_step = sqrt(epsilon(1.0_wp))
 
     !> The last sample that had joint variables.
     type :: turn_count
@@ -88,8 +90,8 @@ contains
         do i = 1, size(angles%variable)
             associate (v => angles%variable(i), k => angles%coordinate(i))
                 place = about(v)
-                if (present(q)) place = merge(q(max(1, k)), place, k > 0)
-                value(v) = value(v) - two_pi*anint((value(v) - place)/two_pi)
+                if (present(q) .and. k > 0) place = q(k)
+                value(v) = value(v) - two_pi*nearest_turns(value(v) - place)
             end associate
         end do
     end subroutine count_sample
@@ -108,25 +110,25 @@ contains
     !> Believed where the step is a quarter turn at most, where rates differ by no more than a quarter turn, and where the angles
     !> as they are measured agree to an eighth of a turn. A turn that all this overlooks would have to come and go within the step.
     !> Angles that say nothing are not asked.
-    pure subroutine turn_at_mean_rates(angles, step, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
+    pure subroutine turn_at_mean_rates(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
         type(turning_angles), intent(in) :: angles
-        real(wp), intent(in) :: step(:)                          !! (n_q)
-        real(wp), intent(in) :: qd(:), qd_there(:)               !! at its beginning and end (n_q)
-        real(wp), intent(in) :: rate(:), rate_there(:)           !! likewise (n_variable)
-        real(wp), intent(in) :: value(:), value_there(:)         !! likewise, but for whole turns (n_variable)
-        real(wp), intent(out) :: turned(:)                       !! (n_variable) [rad]
+        real(wp), intent(in), contiguous :: q(:), q_there(:)     !! at the step's beginning and end (n_q)
+        real(wp), intent(in), contiguous :: qd(:), qd_there(:)   !! likewise
+        real(wp), intent(in), contiguous :: rate(:), rate_there(:)      !! (n_variable)
+        real(wp), intent(in), contiguous :: value(:), value_there(:)    !! but for whole turns (n_variable)
+        real(wp), intent(out), contiguous :: turned(:)           !! (n_variable) [rad]
         logical, intent(out) :: is_sure
         real(wp) :: duration(2), at_end(2)
         integer :: i
 
         turned = 0
-        is_sure = size_of_step(angles, step) <= largest_step
-        if (is_sure) call find_durations(step*angles%weight, qd*angles%weight, qd_there*angles%weight, duration, is_sure)
+        call find_durations(angles%weight, q, q_there, qd, qd_there, duration, is_sure)
         if (.not. is_sure) return
         do i = 1, size(angles%variable)
             if (angles%coordinate(i) > 0) cycle
             associate (v => angles%variable(i))
-                at_end = [rate(v), rate_there(v)]*duration
+                at_end(1) = rate(v)*duration(1)
+                at_end(2) = rate_there(v)*duration(2)
                 turned(v) = at_end(1) + at_end(2)
                 if (angles%is_idle(i)) cycle
                 if (all(duration /= 0)) is_sure = is_sure .and. abs(at_end(2) - at_end(1)) <= pi/4
@@ -135,42 +137,59 @@ contains
         end do
     end subroutine turn_at_mean_rates
 
-    !> How long each end's motion goes on to make a step: both together, or one alone where the motion turns back in between.
-    pure subroutine find_durations(step, qd, qd_there, duration, is_found)
-        real(wp), intent(in) :: step(:)                          !! (n_q)
-        real(wp), intent(in) :: qd(:), qd_there(:)               !! at both ends (n_q)
+    !> How long each end's motion goes on to make a step: both together, or one alone where the motion turns back in between. Not
+    !> found of a step that is too long, or along which neither leads.
+    pure subroutine find_durations(weight, q, q_there, qd, qd_there, duration, is_found)
+        real(wp), intent(in), contiguous :: weight(:)            !! of coordinates (n_q)
+        real(wp), intent(in), contiguous :: q(:), q_there(:), qd(:), qd_there(:)    !! at both ends (n_q)
         real(wp), intent(out) :: duration(2)                     !! [s]
         logical, intent(out) :: is_found
+        real(wp) :: step, rate(2)                                ! of one coordinate, weighted
+        real(wp) :: longest, square, along(2), of_rate(2), mixed
+        integer :: k
 
+        longest = 0
+        square = 0
+        along = 0
+        of_rate = 0
+        mixed = 0
+        do k = 1, size(q)
+            step = (q_there(k) - q(k))*weight(k)
+            rate(1) = qd(k)*weight(k)
+            rate(2) = qd_there(k)*weight(k)
+            longest = max(longest, abs(step))
+            square = square + step*step
+            along = along + step*rate
+            of_rate = of_rate + rate*rate
+            mixed = mixed + rate(1)*rate(2)
+        end do
         duration = 0
-        is_found = .not. any(abs(step) > 0)
-        if (is_found) return
+        is_found = .not. longest > least_step
+        if (is_found .or. .not. longest <= largest_step) return
         ! Ends that lead in opposite senses have no mean that means anything.
-        if (dot_product(step, qd)*dot_product(step, qd_there) >= 0) then
-            call compare(qd + qd_there, duration(1), is_found)
+        if (along(1)*along(2) >= 0) then
+            call compare(along(1) + along(2), of_rate(1) + 2*mixed + of_rate(2), duration(1), is_found)
             duration(2) = duration(1)
         end if
-        if (.not. is_found) call compare(qd, duration(1), is_found)
+        if (.not. is_found) call compare(along(1), of_rate(1), duration(1), is_found)
         if (is_found) return
         duration(1) = 0
-        call compare(qd_there, duration(2), is_found)
+        call compare(along(2), of_rate(2), duration(2), is_found)
 
     contains
 
-        !> Rates that lead along the step.
-        pure subroutine compare(rate, duration, is_along)
-            real(wp), intent(in) :: rate(:)
+        !> A rate that leads along the step: given the product of both, and the rate's square.
+        pure subroutine compare(along, of_rate, duration, is_along)
+            real(wp), intent(in) :: along, of_rate
             real(wp), intent(out) :: duration
             logical, intent(out) :: is_along
             real(wp), parameter :: fair = 0.1_wp       !! of the step may lead elsewhere: of a quarter turn some degrees
-            real(wp) :: square
 
             duration = 0
-            square = dot_product(rate, rate)
-            is_along = square > 0 .and. square <= huge(1.0_wp)
+            is_along = of_rate > 0 .and. of_rate <= huge(1.0_wp)
             if (.not. is_along) return
-            duration = dot_product(step, rate)/square
-            is_along = norm2(step - duration*rate) <= fair*norm2(step)
+            duration = along/of_rate
+            is_along = square - duration*along <= fair**2*square
         end subroutine compare
     end subroutine find_durations
 end module linkdyn_turns

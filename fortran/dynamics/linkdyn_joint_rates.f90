@@ -15,6 +15,7 @@ module linkdyn_joint_rates
     use linkdyn_scene, only: coordinate_joint
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
+    use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
     public :: joint_view, view_joint, told_frame, measure_variable, coordinate_of, joint_rate, slide_column
@@ -109,7 +110,7 @@ contains
         end if
         k = stand_in_of(model, j, variable)
         if (k > 0) reference = state%counted(:, k)
-        if (.not. counts .and. wraps(model%joint(j)%kind, variable)) whole = -anint((value - reference)/two_pi)
+        if (.not. counts .and. wraps(model%joint(j)%kind, variable)) whole = -nearest_turns(value - reference)
         if (present(turns)) then
             turns = whole
         else
