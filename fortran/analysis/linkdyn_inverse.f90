@@ -51,7 +51,7 @@ module linkdyn_inverse
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_settled_samples, only: settle_samples
+    use linkdyn_settled_samples, only: settle_samples, known_nodes
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, sample_locked
     use linkdyn_text, only: quoted
@@ -117,6 +117,7 @@ module linkdyn_inverse
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
         type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
+        type(known_nodes), pointer :: nodes => null()           !! beside these: from where they close samples on their own
         type(representative_poses), pointer :: poses => null()  !! of both; there if one of them is
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
@@ -189,7 +190,7 @@ contains
             allocate (solver%records)
         end if
         ! whatever is asked of the equations, the way to them is the same
-        if (options%by_record .and. size(model%group) > 0) allocate (solver%closing)
+        if (options%by_record .and. size(model%group) > 0) allocate (solver%closing, solver%nodes)
         if (associated(solver%records) .or. associated(solver%closing)) allocate (solver%poses)
     end subroutine prepare_inverse
 
@@ -212,6 +213,7 @@ contains
             call self%closing%free()
             deallocate (self%closing)
         end if
+        if (associated(self%nodes)) deallocate (self%nodes)
         if (associated(self%poses)) deallocate (self%poses)
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
@@ -319,7 +321,7 @@ contains
             else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly, margins, closer)
             else if (needs_places(recorded)) then
-                call settle_samples(model, threads, q, assembly, closer)
+                call settle_samples(model, threads, q, assembly, closer, solver%nodes)
                 is_on_way = .true.
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)

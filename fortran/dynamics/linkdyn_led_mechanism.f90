@@ -20,7 +20,7 @@ module linkdyn_led_mechanism
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
-    use linkdyn_whole_turns, only: has_vague_turn
+    use linkdyn_whole_turns, only: nearest_turns, has_vague_turn
     implicit none (type, external)
     private
     public :: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, n_map, span_of
@@ -124,7 +124,7 @@ contains
 
         from = state%group%start_q
         do k = 1, model%n_q
-            if (repeats(model, k)) from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
+            if (repeats(model, k)) from(:, k) = from(:, k) + two_pi*nearest_turns(state%q(:, k) - from(:, k))
         end do
     end function nearest_start
 

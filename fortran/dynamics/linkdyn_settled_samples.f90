@@ -4,17 +4,21 @@
 !> coordinates, as far as there are samples about, and samples are closed from the node nearest to them. That is believed where
 !> the step from there is, by the rule of `linkdyn_following`, and where nothing can lie between the straight ways from the
 !> start to the node and to the sample that would end the latter elsewhere. What a sample gives depends on no other one.
+!>
+!> Few samples do not pay for nodes of their own; nodes that they had are kept (`known_nodes`), for those who ask for pose after
+!> pose: who comes back to where somebody has been finds what he would find without, and sooner.
 module linkdyn_settled_samples
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_constants, only: pi
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, find_tangents, predicted, close_from
+    use linkdyn_group_stride, only: group_stride, find_tangents, predict, close_from
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_from_start
+    use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_mix, only: counter_bits
     use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
     use linkdyn_status, only: sample_ok
@@ -23,29 +27,47 @@ module linkdyn_settled_samples
     use linkdyn_whole_turns, only: least_angle, has_vague_turn
     implicit none (type, external)
     private
-    public :: settle_samples
+    public :: settle_samples, known_nodes
 
     !> Nodes of the grid that samples are near to.
     type :: node_list
         integer :: n = 0
+        logical, allocatable :: repeats(:)           !! coordinates: full turns change nothing (n_q)
         real(wp), allocatable :: q(:, :)             !! (n_q, n)
+        integer(int64), allocatable :: cell(:, :)    !! of the grid (n_q, n)
         integer, allocatable :: of(:)                !! the node of each sample; 0: none (sample)
         real(wp), allocatable :: least(:, :)         !! sizes of the margins on the way there (n_group, n)
         type(sample_assembly) :: found               !! at the nodes
         type(group_stride), allocatable :: tangents(:)    !! there (n)
     end type node_list
 
+    !> One node, as it was found.
+    type :: settled_node
+        real(wp), allocatable :: q(:)
+        integer :: status = sample_ok
+        real(wp), allocatable :: place(:, :), least(:)
+        type(group_stride) :: tangents
+    end type settled_node
+
+    !> Nodes of earlier calls, by their cells; a new one takes the place of an older one that it meets. Threads share it.
+    type :: known_nodes
+        type(settled_node), allocatable, private :: at(:)
+    end type known_nodes
+
+    real(wp), parameter :: part_of_stride(2) = [0.5_wp, 0.1_wp]    !! how far nodes are apart
+
 contains
 
     !> Where the groups' links are, and how leading them there came out.
-    subroutine settle_samples(model, threads, q, assembly, closer)
+    subroutine settle_samples(model, threads, q, assembly, closer, known)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads               !! at most
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(sample_assembly), intent(out) :: assembly
         class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
-        real(wp), parameter :: part(2) = [0.5_wp, 0.1_wp]    !! of a stride: how far nodes are apart
-        integer, parameter :: many = 256             !! samples: of fewer each is led there alone, so that no bit depends on the others
+        type(known_nodes), intent(inout), optional :: known             !! of these steps
+        integer, parameter :: many = 256             !! samples, of which some may share a node: of fewer, no bit depends on the others
+        integer, parameter :: worth = 2              !! samples a node, on average: leading to it takes some samples' time
         class(group_closer), pointer :: steps
         real(wp), allocatable :: least(:, :)
         logical, dimension(size(q, 2)) :: is_settled, is_promising
@@ -55,10 +77,15 @@ contains
         if (present(closer)) steps => closer
         call make_room(model, size(q, 2), assembly)
         is_settled = .false.
-        is_promising = associated(steps) .and. size(q, 2) >= many
-        do i = 1, size(part)
-            if (any(is_promising)) call settle_about_nodes(model, threads, q, part(i), steps, assembly, is_promising, is_settled)
-        end do
+        is_promising = associated(steps)
+        if (size(q, 2) >= many) then
+            do i = 1, size(part_of_stride)
+                call settle_about_nodes(model, threads, q, part_of_stride(i), worth, steps, assembly, is_promising, is_settled, &
+                                        known)
+            end do
+        else if (present(known)) then
+            call settle_about_nodes(model, threads, q, part_of_stride(1), 1, steps, assembly, is_promising, is_settled, known)
+        end if
         call lead_to(model, threads, q, numbers_of(.not. is_settled), steps, assembly, least)
     end subroutine settle_samples
 
@@ -72,35 +99,30 @@ contains
 
     !> Settle those of the promising samples for which a node is near enough. The others of those whose node could be reached
     !> are promising still.
-    subroutine settle_about_nodes(model, threads, q, part, closer, assembly, is_promising, is_settled)
+    subroutine settle_about_nodes(model, threads, q, part, worth, closer, assembly, is_promising, is_settled, known)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         real(wp), intent(in) :: part                 !! of a stride: how far nodes are apart
+        integer, intent(in) :: worth                 !! samples that a node must have, on average
         class(group_closer), pointer, intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly
         logical, intent(inout) :: is_promising(:), is_settled(:)    !! (n)
-        integer, parameter :: worth = 8              !! samples a node, on average: leading to it takes some samples' time
-        integer, parameter :: room = 4000000         !! numbers of tangents that are kept
+        type(known_nodes), intent(inout), optional :: known
         type(node_list) :: node
         integer, allocatable :: which(:)
         logical, allocatable :: is_now(:)
-        integer :: i, at_once
+        integer :: i
 
         which = numbers_of(is_promising)
-        call find_nodes(model, q, which, part, &
-                        min(size(which)/worth, room/(link_freedom(model)*model%n_link*max(1, model%n_q))), node)
+        if (size(which) == 0) return
+        call find_nodes(model, q, which, part, min(size(which)/worth, most_nodes(model)), node)
         if (node%n == 0) return
-        call reach_nodes(model, threads, closer, node)
+        call need_nodes(model, threads, closer, node, known)
         allocate (is_now(size(which)), source=.false.)
-        at_once = closer%samples_at_once
-        !$omp parallel do num_threads(team_size(threads, size(which)/at_once)) schedule(dynamic)
-        do i = 1, size(which), at_once
-            associate (last => min(size(which), i + at_once - 1))
-                if (.not. is_interrupted()) call settle_block(model, q, which(i:last), closer, node, assembly, is_now(i:last))
-            end associate
-        end do
-        !$omp end parallel do
+        !$omp parallel num_threads(team_size(threads, size(which)/closer%samples_at_once)) default(shared)
+        call settle_blocks(model, q, which, closer, node, assembly, is_now)
+        !$omp end parallel
         is_settled(which) = is_now
         do i = 1, size(which)
             associate (k => node%of(which(i)))
@@ -112,6 +134,81 @@ contains
 
     ! ---------------------------------------------------------------- nodes
 
+    !> The nodes that are not known are reached, and known from now on.
+    subroutine need_nodes(model, threads, closer, node, known)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: threads
+        class(group_closer), pointer, intent(in) :: closer
+        type(node_list), intent(inout) :: node
+        type(known_nodes), intent(inout), optional :: known
+        integer, parameter :: most_known = 1024
+        logical :: is_known(node%n)
+
+        call make_room(model, node%n, node%found)
+        allocate (node%least(size(model%group), node%n), node%tangents(node%n))
+        is_known = .false.
+        if (present(known)) then
+            call hold_lock()
+            call recall_nodes(known, node, is_known)
+            call release_lock()
+        end if
+        if (all(is_known)) return
+        call reach_nodes(model, threads, numbers_of(.not. is_known), closer, node)
+        if (.not. present(known) .or. is_interrupted()) return    ! not all may have been reached
+        call hold_lock()
+        call remember_nodes(numbers_of(.not. is_known), node, min(most_known, most_nodes(model)), known)
+        call release_lock()
+    end subroutine need_nodes
+
+    subroutine recall_nodes(known, node, is_known)
+        type(known_nodes), intent(in) :: known
+        type(node_list), intent(inout) :: node
+        logical, intent(inout) :: is_known(:)        !! (node)
+        integer :: i
+
+        if (.not. allocated(known%at)) return
+        do i = 1, node%n
+            associate (one => known%at(place_of(node%cell(:, i), size(known%at))))
+                if (.not. allocated(one%q)) cycle
+                if (any(one%q /= node%q(:, i))) cycle
+                node%found%status(i) = one%status
+                node%found%place(:, :, i) = one%place
+                node%least(:, i) = one%least
+                node%tangents(i) = one%tangents
+                is_known(i) = .true.
+            end associate
+        end do
+    end subroutine recall_nodes
+
+    subroutine remember_nodes(which, node, most, known)
+        integer, intent(in) :: which(:)
+        type(node_list), intent(in) :: node
+        integer, intent(in) :: most                  !! nodes that are kept
+        type(known_nodes), intent(inout) :: known
+        integer :: i
+
+        if (.not. allocated(known%at)) allocate (known%at(max(1, most)))
+        do i = 1, size(which)
+            associate (k => which(i))
+                associate (one => known%at(place_of(node%cell(:, k), size(known%at))))
+                    one%q = node%q(:, k)
+                    one%status = node%found%status(k)
+                    one%place = node%found%place(:, :, k)
+                    one%least = node%least(:, k)
+                    one%tangents = node%tangents(k)
+                end associate
+            end associate
+        end do
+    end subroutine remember_nodes
+
+    !> Of which tangents find room.
+    pure integer function most_nodes(model) result(most)
+        type(model_type), intent(in) :: model
+        integer, parameter :: room = 4000000         !! numbers
+
+        most = room/(link_freedom(model)*model%n_link*max(1, model%n_q))
+    end function most_nodes
+
     !> The nodes nearest to samples; none, if there are too many.
     subroutine find_nodes(model, q, which, part, most, node)
         type(model_type), intent(in) :: model
@@ -122,26 +219,24 @@ contains
         type(node_list), intent(inout) :: node
         real(wp) :: from_start(size(q, 1))
         integer(int64) :: cell(size(q, 1))
-        integer(int64), allocatable :: known(:, :)   ! cells of the nodes
         integer, allocatable :: table(:)             ! nodes at places that follow from their cells; 0: free
-        logical :: is_angle(size(q, 1))
         integer :: i, k, place
 
-        is_angle = [(repeats(model, k), k=1, size(q, 1))]
-        allocate (node%q(size(q, 1), most), known(size(q, 1), most), node%of(size(q, 2)), table(0:4*most))
+        node%repeats = [(repeats(model, k), k=1, size(q, 1))]
+        allocate (node%q(size(q, 1), most), node%cell(size(q, 1), most), node%of(size(q, 2)), table(0:4*most))
         table = 0
         node%of = 0
         do i = 1, size(which)
-            from_start = way_from_start(model, q(:, which(i)))
+            from_start = way_from_start(model, node%repeats, q(:, which(i)))
             if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
             ! To an angle of so many turns rounding leaves no way: lanes say so.
-            if (any(is_angle .and. has_vague_turn(q(:, which(i))))) cycle
+            if (any(node%repeats .and. has_vague_turn(q(:, which(i))))) cycle
             cell = nint(from_start/(part*model%stride), int64)
             ! To a node beyond half a turn the shortest way leads round the other side.
-            if (any(is_angle .and. abs(part*model%stride*cell) > pi)) cycle
-            place = int(modulo(hash_of(cell), size(table, kind=int64)))
+            if (any(node%repeats .and. abs(part*model%stride*cell) > pi)) cycle
+            place = place_of(cell, size(table)) - 1
             do while (table(place) > 0)
-                if (all(known(:, table(place)) == cell)) exit
+                if (all(node%cell(:, table(place)) == cell)) exit
                 place = modulo(place + 1, size(table))
             end do
             if (table(place) == 0) then
@@ -151,7 +246,7 @@ contains
                 end if
                 node%n = node%n + 1
                 table(place) = node%n
-                known(:, node%n) = cell
+                node%cell(:, node%n) = cell
                 node%q(:, node%n) = model%start_q + part*model%stride*cell
             end if
             node%of(which(i)) = table(place)
@@ -159,50 +254,78 @@ contains
     end subroutine find_nodes
 
     !> Along which the mechanism is led: by the shortest of the ways that differ by full turns of angles.
-    pure function way_from_start(model, q) result(way)
+    pure function way_from_start(model, repeats, q) result(way)
         type(model_type), intent(in) :: model
+        logical, intent(in) :: repeats(:)
         real(wp), intent(in) :: q(:)
         real(wp) :: way(size(q))
-        integer :: k
 
         way = q - model%start_q
-        do k = 1, size(q)
-            if (repeats(model, k)) way(k) = least_angle(way(k))
-        end do
+        where (repeats) way = least_angle(way)
     end function way_from_start
 
-    pure integer(int64) function hash_of(cell) result(hash)
+    !> Where a cell is in a table of so many places, counted from one.
+    pure integer function place_of(cell, n) result(place)
         integer(int64), intent(in) :: cell(:)
+        integer, intent(in) :: n
+        integer(int64) :: hash
         integer :: k
 
         hash = 0
         do k = 1, size(cell)
             hash = counter_bits(hash, int(k, int64), cell(k))
         end do
-    end function hash_of
+        place = 1 + int(modulo(hash, int(n, int64)))
+    end function place_of
 
-    !> Lead the mechanism to the nodes, and find the tangents there.
-    subroutine reach_nodes(model, threads, closer, node)
+    !> Lead the mechanism to some nodes, and find the tangents there.
+    subroutine reach_nodes(model, threads, which, closer, node)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads
+        integer, intent(in) :: which(:)
         class(group_closer), pointer, intent(in) :: closer
         type(node_list), intent(inout) :: node
+        real(wp), allocatable :: least(:, :)
         integer :: i
 
-        call make_room(model, node%n, node%found)
-        call lead_to(model, threads, node%q(:, :node%n), [(i, i=1, node%n)], closer, node%found, node%least)
-        allocate (node%tangents(node%n))
-        !$omp parallel do num_threads(team_size(threads, node%n)) schedule(dynamic)
-        do i = 1, node%n
-            if (node%found%status(i) /= sample_ok) cycle
-            call find_tangents(model, closer, node%q(:, i), reshape(model%branch, [model%n_branch, 1]), &
-                               node%found%place(:, :, i), node%tangents(i))
+        call lead_to(model, threads, node%q(:, :node%n), which, closer, node%found, least)
+        node%least(:, which) = least(:, which)
+        !$omp parallel do num_threads(team_size(threads, size(which))) schedule(dynamic)
+        do i = 1, size(which)
+            associate (k => which(i))
+                if (node%found%status(k) /= sample_ok) cycle
+                call find_tangents(model, closer, node%q(:, k), reshape(model%branch, [model%n_branch, 1]), &
+                                   node%found%place(:, :, k), node%tangents(k))
+            end associate
         end do
         !$omp end parallel do
     end subroutine reach_nodes
 
+    !> Those blocks of samples that this thread takes.
+    subroutine settle_blocks(model, q, which, closer, node, assembly, is_settled)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        integer, intent(in) :: which(:)              !! the samples' numbers
+        class(group_closer), intent(in) :: closer
+        type(node_list), intent(in) :: node
+        type(sample_assembly), intent(inout) :: assembly    !! of all threads
+        logical, intent(inout) :: is_settled(:)      !! (size(which))
+        type(group_stride) :: found
+        integer :: i, at_once
+
+        at_once = closer%samples_at_once
+        !$omp do schedule(dynamic)
+        do i = 1, size(which), at_once
+            associate (last => min(size(which), i + at_once - 1))
+                if (.not. is_interrupted()) &
+                    call settle_block(model, q, which(i:last), closer, node, assembly, is_settled(i:last), found)
+            end associate
+        end do
+        !$omp end do
+    end subroutine settle_blocks
+
     !> Close some samples from their nodes, and settle those for which that may be believed.
-    subroutine settle_block(model, q, which, closer, node, assembly, is_settled)
+    subroutine settle_block(model, q, which, closer, node, assembly, is_settled, found)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         integer, intent(in) :: which(:)              !! the samples' numbers
@@ -210,9 +333,9 @@ contains
         type(node_list), intent(in) :: node
         type(sample_assembly), intent(inout) :: assembly
         logical, intent(inout) :: is_settled(:)      !! (size(which))
+        type(group_stride), intent(inout) :: found   !! scratch with room for as many samples as closer takes at once
         real(wp), dimension(size(q, 1), size(which)) :: at, way
         real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), size(which))
-        type(group_stride) :: found
         real(wp) :: extent
         integer :: i, n, of(size(which))
 
@@ -225,8 +348,9 @@ contains
                 n = n + 1
                 of(n) = i
                 at(:, n) = q(:, which(i))
-                way(:, n) = way_from_start(model, at(:, n)) - (node%q(:, k) - model%start_q)
-                place(:, :, n) = predicted(model, node%found%place(:, :, k), node%tangents(k)%rate, way(:, n))
+                way(:, n) = way_from_start(model, node%repeats, at(:, n)) - (node%q(:, k) - model%start_q)
+                place(:, :, n) = node%found%place(:, :, k)
+                call predict(model, node%tangents(k)%rate, way(:, n), place(:, :, n))
             end associate
         end do
         if (n == 0) return

@@ -12,7 +12,11 @@ import linkdyn
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@pytest.fixture(scope="module", params=["fourbar", "stewart_drilling", "sixbar_slider"])
+CLOSED_FORMS = ["fourbar", "stewart_drilling", "sixbar_slider"]
+BY_ITERATION = ["delta", "screw_lift"]
+
+
+@pytest.fixture(scope="module", params=CLOSED_FORMS + BY_ITERATION)
 def batch(request):
     """A scene, a motion of more than two blocks of lanes, and its results."""
     scene = linkdyn.load(EXAMPLES / request.param / "scene.toml")
@@ -89,6 +93,22 @@ def test_loads_at_instants_in_any_order(tables, tmp_path):
     np.testing.assert_allclose(load[t > 400.0, 1], 2.0, rtol=0, atol=0)
 
 
+@pytest.mark.parametrize("batch", BY_ITERATION, indirect=True)
+def test_samples_before_matter_not(batch):
+    """Nodes that are kept from sample to sample hurry, and change nothing: one after the other, in any order, a scene that knows none."""
+    scene, t, motion, whole = batch
+    fresh = linkdyn.Scene(scene.text, folder=scene.folder)
+    fresh.solve(*motion, t=t, want=None)                # as many samples to come as the other one had
+    for i in np.random.default_rng(3).permutation(len(t)):
+        for one in (scene, fresh):
+            assert_same(one.solve(*(x[i : i + 1] for x in motion), t=t[i : i + 1], want=None), whole, slice(i, i + 1))
+    elsewhere = [x + 0.02 for x in motion]
+    expected = fresh.solve(*elsewhere, t=t, want=None)
+    for i in range(len(t)):
+        assert_same(scene.solve(*(x[i : i + 1] for x in elsewhere), t=t[i : i + 1], want=None), expected, slice(i, i + 1))
+
+
+@pytest.mark.parametrize("batch", CLOSED_FORMS, indirect=True)
 @pytest.mark.parametrize("place", [0, 1, 7, 8, 15, 16, 40, 74])
 def test_one_result_beyond_all_numbers(batch, place):
     """It is told of that sample alone, also where a result is one number a sample."""
