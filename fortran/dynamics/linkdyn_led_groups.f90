@@ -23,10 +23,8 @@ module linkdyn_led_groups
         real(wp), allocatable :: from(:, :)          !! coordinates (n_q, way)
         real(wp), allocatable :: way(:, :)           !! likewise, to its end
         real(wp), allocatable :: branch(:, :)        !! of the closed forms (n_branch, way)
-        real(wp) :: at(lanes) = 0                    !! part of the way where the mechanism stands
         real(wp), allocatable :: place(:, :, :)      !! of the links there (place_size, n_link, way)
         real(wp), allocatable :: rate(:, :, :)       !! per whole way (link_freedom, n_link, way)
-        real(wp) :: tried_at(lanes) = 0
         type(group_stride) :: tried
     contains
         procedure :: try => try_on_way
@@ -76,9 +74,10 @@ contains
     end subroutine lead_places
 
     !> Closed at a part of the way, from where the tangent leads.
-    subroutine try_on_way(self, part, is_crossing, found)
+    subroutine try_on_way(self, goes, part, lead, is_crossing, found)
         class(led_groups), intent(inout) :: self
-        real(wp), intent(in) :: part(lanes)
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: part(lanes), lead(lanes)
         logical, intent(in) :: is_crossing(:, :)
         type(footing), intent(inout) :: found
         real(wp) :: ahead(size(self%place, 1), size(self%place, 2), size(self%lane)), q(size(self%way, 1), size(self%lane))
@@ -89,11 +88,10 @@ contains
             associate (lane => self%lane(i))
                 q(:, i) = self%from(:, i) + part(lane)*self%way(:, i)
                 if (allocated(self%rate)) &
-                    call predict(self%model, self%rate(:, :, i:i), [part(lane) - self%at(lane)], ahead(:, :, i))
+                    call predict(self%model, self%rate(:, :, i:i), [lead(lane)], ahead(:, :, i))
             end associate
         end do
         call close_from(self%model, self%closer, q, self%way, self%branch, ahead, self%tried)
-        self%tried_at = part
         found%is_closed = .true.
         found%margin = 1
         found%drift = 0
@@ -115,7 +113,6 @@ contains
         if (.not. allocated(self%rate)) allocate (self%rate, mold=self%tried%rate)
         do i = 1, size(self%lane)
             if (.not. is_taken(self%lane(i))) cycle
-            self%at(self%lane(i)) = self%tried_at(self%lane(i))
             self%place(:, :, i) = self%tried%place(:, :, i)
             self%rate(:, :, i) = self%tried%rate(:, :, i)
         end do

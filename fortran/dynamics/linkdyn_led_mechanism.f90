@@ -33,8 +33,6 @@ module linkdyn_led_mechanism
         type(model_type), pointer :: model => null()
         type(kinematic_state), pointer :: state => null()
         logical :: follows_branches = .false.        !! else those of the closed forms stay as they are
-        logical :: goes(lanes) = .false.
-        real(wp) :: at(lanes) = 0, tried(lanes) = 0  !! parts of the way
         real(wp), allocatable :: from(:, :), to(:, :)        !! coordinates                      (lane, n_q)
         real(wp), allocatable :: turn(:, :, :)       !! of the attitudes given by quaternion     (lane, 3, n_attitude)
         real(wp), allocatable :: quaternion(:, :, :) !! at the way's beginning                   (lane, 4, n_attitude)
@@ -190,7 +188,6 @@ contains
         if (present(longest)) most = longest
         led%model => model
         led%state => state
-        led%goes = goes
         led%follows_branches = follows_branches
         led%from = from
         led%to = state%q
@@ -236,20 +233,19 @@ contains
         state%branch = led%branch
         if (size(model%group) == 0) return
         state%group%is_led = .false.
+        state%group%is_idle = .false.
         state%group%place = led%place
     end subroutine lead_mechanism
 
     !> Closed at a part of the way, from where the tangent leads.
-    subroutine try_on_way(self, part, is_crossing, found)
+    subroutine try_on_way(self, goes, part, lead, is_crossing, found)
         class(led_mechanism), intent(inout) :: self
-        real(wp), intent(in) :: part(lanes)
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: part(lanes), lead(lanes)
         logical, intent(in) :: is_crossing(:, :)
         type(footing), intent(inout) :: found
-        real(wp) :: step(lanes)
         integer :: k, l, g
 
-        step = part - self%at
-        self%tried = part
         associate (model => self%model, state => self%state)
             do k = 1, model%n_q
                 state%qd(:, k) = self%to(:, k) - self%from(:, k)
@@ -264,10 +260,11 @@ contains
                     do k = 1, size(model%group(g)%link)
                         l = model%group(g)%link(k)
                         state%group%place(:, :, l) = shifted(model, self%place(:, :, l), &
-                                                             spread(step, 2, link_freedom(model))*self%rate(:, :, l))
+                                                             spread(lead, 2, link_freedom(model))*self%rate(:, :, l))
                     end do
                 end do
-                state%group%moves = self%goes
+                state%group%moves = goes
+                state%group%is_idle = .not. goes
             end if
             call run_program(model, state)
             call measure_margins(model, state, found%margin, found%drift)
@@ -322,7 +319,6 @@ contains
         integer :: g, i, k, l
 
         associate (model => self%model, state => self%state)
-            where (is_taken) self%at = self%tried
             do k = 1, model%n_branch
                 where (is_taken) self%branch(:, k) = state%branch(:, k)
             end do

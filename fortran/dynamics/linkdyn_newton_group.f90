@@ -250,8 +250,10 @@ contains
 
         is_recorded = .false.
         has_no_pivot = .false.
-        if (state%group%is_led .and. associated(state%group%closer)) &
+        if (state%group%is_led .and. associated(state%group%closer)) then
             call make_step_by_record(model, g, state, state%q, state%group%place, correction, rate, margin, is_recorded)
+            is_recorded = is_recorded .or. state%group%is_idle
+        end if
         if (all(is_recorded)) return
         associate (group => model%group(g))
             n = size(group%unit)
@@ -370,6 +372,7 @@ contains
             speed = speed_of(model, group, state, level_velocity)
             step = step_ahead(margin, speed)
             call look_ahead_by_record(model, g, step, state, ahead, is_recorded)
+            if (associated(state%group%closer)) is_recorded = is_recorded .or. state%group%is_idle
             if (.not. all(is_recorded)) then
                 call assemble_ahead(model, use, step, state, state%group%matrix(:, :n, :n))
                 state%group%right(:, :n, 1) = 0
@@ -442,7 +445,7 @@ contains
         q_row = transpose(q)
         qd_row = transpose(state%qd)
         call state%group%closer%make_steps(g, q_row, qd_row, transpose(state%branch), stand, margin, is_sure, correction_row, &
-                                           rate_row)
+                                           rate_row, only_leads=.true.)
         correction = transpose(correction_row)
         rate = transpose(rate_row)
     end subroutine make_step_by_record

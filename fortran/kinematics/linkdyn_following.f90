@@ -10,6 +10,10 @@
 !> - no map has changed the sign of its margin, nor would it do so within the step, led on by its rate from where the
 !>   mechanism stands, or led back from where it was tried.
 !>
+!> Towards the end of an assembly places and margins go as the root of the distance from it. Where a margin has been seen to do
+!> so, steps lead to a part of the distance to where it vanishes that takes the margin down by up to a tenth, and the tangents
+!> are led on by that law: what is found must be believed as anywhere.
+!>
 !> A step that is not believed is shortened. Near a singular position steps so shrink with the distance from it, until
 !> either the mechanism turns away from it, as close to it as that may be, or the margin falls below what rounding lets
 !> one tell. There the assembly either ends, as at a limit of reach, or is crossed by another one, as in a parallelogram
@@ -72,10 +76,13 @@ module linkdyn_following
 
     abstract interface
         !> Predict by the tangent, correct, tell what is found.
-        subroutine try_place(self, part, is_crossing, found)
+        subroutine try_place(self, goes, part, lead, is_crossing, found)
             import :: follower, footing, wp, lanes
             class(follower), intent(inout) :: self
+            logical, intent(in) :: goes(lanes)              !! false: nobody asks for what is found there
             real(wp), intent(in) :: part(lanes)             !! of the way
+            real(wp), intent(in) :: lead(lanes)             !! how far the tangent is followed from where it stands: what is left of
+                                                            !! that part, or more where places are known to run ahead
             logical, intent(in) :: is_crossing(:, :)        !! the map is tried on the far side of a change point (lane, n_map)
             type(footing), intent(inout) :: found
         end subroutine try_place
@@ -101,7 +108,8 @@ contains
         type(footing) :: stands, tried
         logical, dimension(lanes, size(self%least_margin)) :: is_crossing
         logical, dimension(lanes) :: is_sound, is_first, is_at_limit
-        real(wp), dimension(lanes) :: target, step
+        logical :: is_root(lanes, size(self%least_margin))  !! the margin goes to zero as the root of the distance
+        real(wp), dimension(lanes) :: target, lead, step
         real(wp) :: slope(lanes, size(self%least_margin))   !! of the margins, where they could still be told well; 0: never
         real(wp) :: pace(lanes, size(self%least_margin))    !! of the links, likewise
         real(wp) :: side(lanes, size(self%least_margin))    !! the margins that could be told last; 0: none
@@ -118,8 +126,10 @@ contains
         slope = 0
         pace = 0
         side = 0
+        is_root = .false.
+        lead = 0
         step = min(1.0_wp, stride)
-        call self%try(report%reached, is_crossing, stands)
+        call self%try(goes, report%reached, lead, is_crossing, stands)
         call self%take(goes)
         report%least = abs(stands%margin)
         where (goes .and. .not. stands%is_closed) report%outcome = way_ends
@@ -129,21 +139,24 @@ contains
             where (report%outcome == under_way .and. n > most) report%outcome = way_too_long
             if (all(report%outcome /= under_way)) exit
             target = report%reached
+            lead = 0
             is_crossing = .false.
             is_at_limit = .false.
             do lane = 1, lanes
                 if (report%outcome(lane) /= under_way) cycle
-                call choose_target(self%least_margin, stands, lane, slope(lane, :), side(lane, :), is_first(lane), &
-                                   report%reached(lane), step(lane), target(lane), is_crossing(lane, :))
+                call choose_target(self%least_margin, stands, lane, slope(lane, :), side(lane, :), is_root(lane, :), &
+                                   is_first(lane), report%reached(lane), step(lane), target(lane), lead(lane), &
+                                   is_crossing(lane, :))
                 is_at_limit(lane) = any(is_crossing(lane, :))
                 if (.not. is_at_limit(lane)) cycle
                 report%map(lane) = findloc(is_crossing(lane, :), .true., dim=1)
                 if (target(lane) < 1) cycle
                 report%outcome(lane) = way_at_singularity
                 target(lane) = report%reached(lane)
+                lead(lane) = 0
                 is_crossing(lane, :) = .false.
             end do
-            call self%try(target, is_crossing, tried)
+            call self%try(report%outcome == under_way, target, lead, is_crossing, tried)
             do lane = 1, lanes
                 is_sound(lane) = report%outcome(lane) == under_way .and. tried%is_closed(lane)
                 if (is_sound(lane)) is_sound(lane) = is_place_sound(self%least_margin, stands, tried, lane, side(lane, :), &
@@ -176,6 +189,8 @@ contains
             step(lane) = min(stride(lane), merge(0.5_wp, 2.0_wp, is_at_limit(lane))*taken)
             if (is_at_limit(lane)) report%n_crossed(lane) = report%n_crossed(lane) + 1
             is_first(lane) = .false.
+            call look_for_roots(stands%margin(lane, :), stands%drift(lane, :), tried%margin(lane, :), tried%drift(lane, :), &
+                                is_root(lane, :))
             stands%margin(lane, :) = tried%margin(lane, :)
             report%least(lane, :) = min(report%least(lane, :), abs(stands%margin(lane, :)))
             call note_side(side(lane, :), tried%margin(lane, :), self%least_margin, is_crossing(lane, :))
@@ -230,29 +245,52 @@ contains
         if (abs(margin) > least_margin .or. has_crossed) side = margin
     end subroutine note_side
 
+    !> Does a margin go to zero as the root of the distance? Then its product with its rate stays, which is halved with a margin
+    !> that goes there straight. Asked wherever it has changed enough to tell the two apart.
+    elemental subroutine look_for_roots(before, drift_before, now, drift_now, is_root)
+        real(wp), intent(in) :: before, drift_before        !! at one place
+        real(wp), intent(in) :: now, drift_now              !! at the next
+        logical, intent(inout) :: is_root
+        real(wp), parameter :: told = 0.8_wp, alike = 0.1_wp
+
+        if (abs(now) > told*abs(before)) then
+            is_root = is_root .and. now*drift_now < 0
+        else
+            is_root = now*drift_now < 0 .and. abs(now*drift_now - before*drift_before) <= alike*abs(before*drift_before)
+        end if
+    end subroutine look_for_roots
+
     !> The next place to be tried: one from which no margin led on would vanish; at a margin that cannot be told from zero
     !> and goes to it, the mirror of the place on the far side.
-    pure subroutine choose_target(least_margin, stands, lane, slope, side, is_first, reached, step, target, is_crossing)
+    pure subroutine choose_target(least_margin, stands, lane, slope, side, is_root, is_first, reached, step, target, lead, &
+                                  is_crossing)
         real(wp), intent(in) :: least_margin(:)             !! (n_map)
         type(footing), intent(in) :: stands
         integer, intent(in) :: lane
         real(wp), intent(in) :: slope(:)                    !! of the margins some way before; 0: not known
         real(wp), intent(in) :: side(:)                     !! their last value that could be told; 0: none
+        logical, intent(in) :: is_root(:)                   !! they go to zero as roots
         logical, intent(in) :: is_first                     !! position alone does not say which way a singular one is left
         real(wp), intent(in) :: reached, step
         real(wp), intent(out) :: target
+        real(wp), intent(out) :: lead                       !! how far the tangent is followed to there
         logical, intent(out) :: is_crossing(:)              !! (n_map)
-        real(wp) :: longest, mirrored, vanishing(size(least_margin))
+        real(wp) :: longest, mirrored, end, vanishing(size(least_margin))
         integer :: m
 
         longest = step
+        end = huge(1.0_wp)
         mirrored = 0
         is_crossing = .false.
         vanishing = huge(1.0_wp)
         do m = 1, size(least_margin)
             associate (margin => stands%margin(lane, m), drift => stands%drift(lane, m))
                 if (margin*drift < 0) vanishing(m) = abs(margin/drift)
-                if (abs(margin) > least_margin(m)) then
+                if (abs(margin) > least_margin(m) .and. is_root(m)) then
+                    ! led on straight, a root vanishes at twice its distance
+                    end = min(end, vanishing(m)/2)
+                    longest = min(longest, part_of_root(abs(margin), least_margin(m))*vanishing(m)/2)
+                else if (abs(margin) > least_margin(m)) then
                     longest = min(longest, nearest_try*vanishing(m))
                 else if (.not. is_first .and. (margin*drift < 0 .or. margin*side(m) < 0)) then
                     ! It goes to zero, or has just passed it.
@@ -267,7 +305,21 @@ contains
         end if
         target = min(1.0_wp, reached + longest)
         if (1 - target < longest/16) target = 1     ! no splinters at the end
+        lead = target - reached
+        if (.not. any(is_crossing) .and. lead < end) lead = 2*lead/(1 + sqrt(1 - lead/end))
     end subroutine choose_target
+
+    !> Of the distance to where a margin vanishes as a root: the part after which so much of the margin is left as can be hit by
+    !> tangents led on as a root. What else moves the links there counts the less the smaller the margin is.
+    elemental real(wp) function part_of_root(margin, least_margin) result(part)
+        real(wp), intent(in) :: margin, least_margin        !! size, and what can be told from zero
+        real(wp), parameter :: most_left = 0.6_wp, least_left = 0.1_wp, others = 8
+        real(wp) :: left
+
+        left = min(most_left, max(least_left, others*margin))
+        left = max(left, min(most_left, least_margin/(2*margin)))
+        part = 1 - left**2
+    end function part_of_root
 
     !> Is the place found where it was tried that to which the mechanism gets?
     pure logical function is_place_sound(least_margin, stands, tried, lane, side, step, is_crossing) result(is_sound)

@@ -19,7 +19,8 @@ module linkdyn_group_motion
 
     abstract interface
         !> What a group needs where its links stand, for some samples; what is not asked for costs less.
-        subroutine make_steps(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent)
+        subroutine make_steps(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent, &
+                              only_leads)
             import :: group_closer, wp
             class(group_closer), intent(in) :: self
             integer, intent(in) :: g                         !! number of the group
@@ -37,6 +38,8 @@ module linkdyn_group_motion
             !> How large the correction is, the same without turns about threads, how far from the origin (3, sample), as
             !> `linkdyn_corrected_links` has them
             real(wp), intent(out), contiguous, target, optional :: extent(:, :)
+            !> Steps of a way, each mended by the next: rounding may grow by more before they are not sure; absent: false
+            logical, intent(in), optional :: only_leads
         end subroutine make_steps
     end interface
 
@@ -45,6 +48,7 @@ module linkdyn_group_motion
         real(wp), allocatable :: start_place(:, :, :)    !! the assembly from which it sets out
         real(wp), allocatable :: start_q(:, :)           !! coordinates there                    (lane, n_q)
         logical :: moves(lanes) = .true.                 !! false: the iteration has arrived
+        logical :: is_idle(lanes) = .false.              !! on a way: nobody asks for what is found
         logical :: is_led = .false.                      !! on a way: a step must be predicted, no accelerations are wanted
         real(wp), allocatable :: contraction(:)          !! of the corrections, the worst of all groups (lane)
         real(wp), allocatable :: margin(:, :)            !! smallest singular value, about, of the constraints with lengths by

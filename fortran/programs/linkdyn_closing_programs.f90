@@ -38,6 +38,7 @@ module linkdyn_closing_programs
     type :: closing_program
         type(scene_program) :: program
         integer :: n = 0                           !! rows
+        integer :: n_thread = 0
         real(wp) :: sense = 1                      !! of the determinant's sign
     end type closing_program
 
@@ -180,6 +181,7 @@ contains
         call trace_group_step(model, g, sample, traced, step)
         if (step%is_solved) then
             closing%n = size(model%group(g)%unit)
+            closing%n_thread = model%group(g)%n_thread
             call measure_threads(traced%mechanism, model%group(g)%joint, model%group(g)%link, step%rate, threads)
             ! farther off, the nearest turn of a thread need not be that on which its nut is
             traced%mechanism%watched = [traced%mechanism%watched, &
@@ -266,7 +268,8 @@ contains
     end subroutine compare_margins
 
     !> See `group_closer`.
-    subroutine make_steps_by_record(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent)
+    subroutine make_steps_by_record(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent, &
+                                    only_leads)
         class(closing_programs), intent(in) :: self
         integer, intent(in) :: g
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
@@ -274,7 +277,11 @@ contains
         logical, intent(out) :: is_sure(:)
         real(wp), intent(out), contiguous, target, optional :: correction(:, :), rate(:, :), thread(:, :), corrected(:, :), &
             extent(:, :)
+        logical, intent(in), optional :: only_leads
+        !> Pivots so much smaller than usual: eleven digits are left of a step at least, and of a margin's rate four.
+        real(wp), parameter :: forgiven = 1000
         type(closing_space), pointer :: space
+        real(wp) :: limit
         type(sample_arrays) :: arrays
         type(output_target) :: to(8)
         real(wp), dimension(1, size(q, 2)), target :: response, determinant, alarm
@@ -300,7 +307,9 @@ contains
         ! A direction of n has the n-th part of a unit vector's square, on average.
         margin = sign(sqrt(n_probe/(self%of(g)%n*response(1, :))), self%of(g)%sense*determinant(1, :))
         ! Written so that what is no number is not sure.
-        is_sure = alarm(1, :) <= 1 .and. .not. is_bad
+        limit = 1
+        if (present(only_leads) .and. self%of(g)%n_thread == 0) limit = merge(forgiven**2, limit, only_leads)
+        is_sure = alarm(1, :) <= limit .and. .not. is_bad
     end subroutine make_steps_by_record
 
     subroutine run_blocks(program, n, arrays, slots, to, is_bad)
