@@ -1,7 +1,7 @@
 !> Newton's iteration of a group of links in generated code, by the rules of `linkdyn_group_stride`: bounded, from where the links
 !> stood at the last call.
 module linkdyn_c_iteration
-    use linkdyn_c_body, only: c_routine, write_calls
+    use linkdyn_c_body, only: c_routine, write_calls, is_handed
     use linkdyn_c_words, only: c_comment, c_number, c_numbers, upper
     use linkdyn_controller_kernel, only: controller_kernel
     use linkdyn_following, only: largest_contraction
@@ -69,6 +69,7 @@ contains
         real(wp), intent(in) :: extent                 !! the mechanism's size [m]
         type(c_routine), intent(in) :: closing         !! its step
         integer, intent(in) :: unit
+        integer, parameter :: of_caller = 2            !! what the caller gives, among the pointers of a step
         character(len=:), allocatable :: large, rows, links, freedom, shifts
         integer :: i
 
@@ -88,7 +89,9 @@ contains
             "    static const double unit["//rows//"] = {"//c_numbers(group%unit)//"};", &
             "    double largest, before = 0.0, distance, margin, noise;", &
             "    int step, i, k;", &
-            "", &
+            ""
+        if (.not. is_handed(closing, of_caller)) write (unit, "(a)") "    (void)in; /* links that stand already lead these */"
+        write (unit, "(a)") &
             "    for (step = 1; step <= "//to_text(most_steps)//"; step++) {"
         call write_calls(closing, 8, [character(len=6) :: "work", "in", "state", ""], unit)
         write (unit, "(a)") "        if (!(work->alarm <= 1.0))", &

@@ -1,5 +1,8 @@
-!> Laws along the way of a step that is to be accepted: what its stages may have leapt over.
+!> Laws, and outlines of cams, along the way of a step that is to be accepted: what its stages may have leapt over.
 submodule (linkdyn_forward_system) linkdyn_forward_laws
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_cam_contact, only: asked_of_curve
+    use linkdyn_cam_sight, only: find_part_of_cams
     use linkdyn_carried_assembly, only: branches_tried
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
@@ -7,6 +10,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_laws, only: evaluate_law
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: is_length
+    use linkdyn_vec2, only: vec2
     implicit none (type, external)
 
     !> Coordinates that turn farther between two places are not followed by them.
@@ -16,13 +20,14 @@ contains
 
     module procedure part_in_sight
         real(wp) :: measure(lanes, size(self%model%scene%laws%measure)), way(lanes, self%n), instant(lanes), share, turned
+        real(wp) :: direction(lanes, self%model%n_cam), of_cams
         integer :: lane
 
         part = 1
         if (.not. self%may_leap) return
         call find_part_of_splines(t, length, gap, self%sight, part)
-        if (part < 1 .or. .not. self%sight%has_laws) return
-        if (self%sight%sees_places) then
+        if (part < 1 .or. .not. (self%sight%has_laws .or. self%model%n_cam > 0)) return
+        if (self%sight%sees_places .or. self%model%n_cam > 0) then
             turned = farthest_turned(self, t, length, y, y_end)
             if (turned > farthest_turn) then
                 part = well_within*farthest_turn/turned
@@ -34,9 +39,35 @@ contains
             instant(lane) = t + share*length
             way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
         end do
-        call measure_states(self, instant, way, measure)
-        call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%sight, part)
+        if (self%sight%has_laws) then
+            call measure_states(self, instant, way, measure)
+            call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%sight, part)
+        end if
+        if (self%model%n_cam == 0) return
+        call look_at_cams(self, instant, way, direction)
+        call find_part_of_cams(self%of_cams, direction, gap, of_cams)
+        part = min(part, of_cams)
     end procedure part_in_sight
+
+    !> In which directions cams are touched; NaN where they cannot be closed.
+    subroutine look_at_cams(self, t, y, direction)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(out) :: direction(:, :)       !! (lane, cam)
+        type(vec2) :: seen
+        integer :: k
+
+        call self%look_closely(t, y)
+        associate (look => self%look)
+            do k = 1, self%model%n_cam
+                seen = asked_of_curve(self%model, self%of_cams(k)%joint, look%plane)
+                direction(:, k) = atan2(seen%y, seen%x)
+                where (look%not_converged .or. look%singular .or. look%unreachable) &
+                    direction(:, k) = ieee_value(0.0_wp, ieee_quiet_nan)
+            end do
+        end associate
+    end subroutine look_at_cams
 
     !> The angle by which a step turns a coordinate farthest, integrated or driven.
     real(wp) function farthest_turned(self, t, length, y, y_end) result(turned)

@@ -38,6 +38,7 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_cam_sight, only: cam_sight, plan_cam_sight
     use linkdyn_law_sight, only: law_sight, plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
@@ -98,6 +99,7 @@ module linkdyn_forward_system
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
         type(law_sight) :: sight                       !! what laws do within steps
+        type(cam_sight), allocatable :: of_cams(:)     !! and the outlines of cams
         logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]
         real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
@@ -355,11 +357,12 @@ contains
         system%may_jump = size(model%scene%laws%law) > 0
         system%n_before_record = evaluations_on_lanes(model)
         call plan_law_sight(model%scene%laws, laws_over_time(model), system%sight)
-        system%may_leap = has_to_look(system%sight)
+        call plan_cam_sight(model, system%of_cams)
+        system%may_leap = has_to_look(system%sight) .or. model%n_cam > 0
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)
-        if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0) then
+        if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0 .or. model%n_cam > 0) then
             call prepare_kinematics(model, 0, system%look)
         end if
         call prepare_motors(model%n_actuator, system%motors)

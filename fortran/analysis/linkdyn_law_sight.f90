@@ -18,6 +18,7 @@ module linkdyn_law_sight
     implicit none (type, external)
     private
     public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, has_to_look, well_within
+    public :: narrowest, unwrap, travel, refined, part_before_peak, fewest, most, noise
 
     !> Of a law's range over the step. What the cubic between its ends errs by is a hump over all of the step, 0.3 of it too narrow.
     real(wp), parameter :: much = 0.4_wp

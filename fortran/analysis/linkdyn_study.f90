@@ -12,11 +12,11 @@ module linkdyn_study
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_shared_programs, only: hold_programs, leave_programs
-    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: study_row, study_states, study_inverse, study_forward, recommend, warn_of_growth
+    public :: study_row, study_states, keep_computable, study_inverse, study_forward, recommend, warn_of_growth
 
     !> One method, one setting.
     type :: study_row
@@ -39,8 +39,35 @@ module linkdyn_study
 
 contains
 
+    !> Leave out the states at which there are no forces.
+    !>
+    !> **Errors**: `status_bad_input` if none is left.
+    subroutine keep_computable(model, states, status)
+        type(model_type), intent(in) :: model
+        type(study_states), intent(inout) :: states
+        type(status_type), intent(inout) :: status
+        real(wp) :: value(model%n_actuator + model%n_component*model%n_joint, size(states%t))
+        real(wp) :: seconds
+        logical :: good(size(states%t))
+        integer, allocatable :: kept(:)
+        integer :: i
+
+        call run_solver(model, states, solver_lapack, value, good, seconds, status)
+        if (.not. status%is_ok()) return
+        if (.not. any(good)) then
+            call fail(status, status_bad_input, "no sample of the motion has forces ('linkdyn inverse' says why)")
+            return
+        end if
+        kept = pack([(i, i=1, size(good))], good)
+        states%t = states%t(kept)
+        states%q = states%q(:, kept)
+        states%qd = states%qd(:, kept)
+        states%qdd = states%qdd(:, kept)
+        states%load = states%load(:, :, kept)
+    end subroutine keep_computable
+
     !> All solvers on some samples along the motion. Errors: largest difference of a force or moment from the reference,
-    !> relative to the sample's largest, over all samples.
+    !> relative to the sample's largest, over all samples; huge of a solver that leaves a sample without forces.
     subroutine study_inverse(model, states, exact, row, status)
         type(model_type), intent(in) :: model
         type(study_states), intent(in) :: states
@@ -62,8 +89,11 @@ contains
             if (.not. status%is_ok()) return
             row = [row, study_row("inverse", solver_name(s), "", seconds)]
             n_value = merge(model%n_actuator, size(value, 1), s == solver_reduced)
+            if (.not. all(good)) then
+                row(size(row))%error = huge(1.0_wp)
+                cycle
+            end if
             do i = 1, size(states%t)
-                if (.not. good(i)) cycle
                 row(size(row))%error = max(row(size(row))%error, &
                     maxval(abs(value(:n_value, i) - reference(:n_value, i))) &
                     /max(maxval(abs(reference(:n_value, i))), tiny(1.0_wp)))

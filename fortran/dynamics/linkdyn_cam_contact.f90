@@ -12,7 +12,7 @@ module linkdyn_cam_contact
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: locate_contacts, locate_contact
+    public :: locate_contacts, locate_contact, asked_of_curve
 
 contains
 
@@ -28,6 +28,26 @@ contains
         end do
     end subroutine locate_contacts
 
+    !> What is asked of the curve, in the axes of the cam's marker: where the follower is, or the direction of its face.
+    function asked_of_curve(model, j, plane) result(seen)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        type(planar_motion), intent(in) :: plane
+        type(vec2) :: seen, x
+        integer :: o(2)
+
+        associate (joint => model%joint(j))
+            o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
+            x = plane%rotation(o(1)).rotate.joint%frame(:2, 1, 1)
+            if (model%scene%joint(j)%cam%follower == follower_flat) then
+                seen = in_frame(x, -1.0_wp*(plane%rotation(o(2)).rotate.joint%frame(:2, 3, 2)))
+            else
+                seen = in_frame(x, plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2)) &
+                                   - (plane%position(joint%link(1)) + (plane%rotation(o(1)).rotate.joint%point(:2, 1))))
+            end if
+        end associate
+    end function asked_of_curve
+
     !> That of one.
     subroutine locate_contact(model, j, plane)
         type(model_type), intent(in) :: model
@@ -42,13 +62,8 @@ contains
             o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
             centre = plane%position(joint%link(1)) + (plane%rotation(o(1)).rotate.joint%point(:2, 1))
             follower = plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2))
-            ! what is asked of the curve, in the axes of the cam's marker
             x = plane%rotation(o(1)).rotate.joint%frame(:2, 1, 1)
-            if (cam%follower == follower_flat) then
-                seen = in_frame(x, -1.0_wp*(plane%rotation(o(2)).rotate.joint%frame(:2, 3, 2)))
-            else
-                seen = in_frame(x, follower - centre)
-            end if
+            seen = asked_of_curve(model, j, plane)
             off = cam%side*cam%radius
             if (cam%is_path) off = 0
             do lane = 1, lanes

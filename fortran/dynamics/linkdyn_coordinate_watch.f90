@@ -156,7 +156,9 @@ contains
             do i = model%first_at(link), model%first_at(link + 1) - 1
                 if (of_mass) exit
                 associate (other => model%joint(model%joint_at(i)))
-                    reach = max(reach, off_axis(other%point(:, side_of(other, link))))
+                    ! a cam moves its follower by its outline
+                    reach = max(reach, off_axis(other%point(:, side_of(other, link))) &
+                                       + merge(other%reach, 0.0_wp, other%cam > 0 .and. side_of(other, link) == 1))
                 end associate
             end do
         end associate

@@ -9,6 +9,7 @@ module linkdyn_planar_start
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: evaluate_law
+    use linkdyn_locked_coordinate, only: find_locked
     use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
@@ -193,6 +194,7 @@ contains
         integer :: i
 
         if (state%not_converged(1) .or. state%singular(1)) then
+            call tell_locked(model, status)
             call fail(status, status_bad_input, "link "//quoted(model%link(group%link(1))%name)//" and the links assembled with " &
                       //"it cannot be closed at the start (expected 'start' positions of these links near a closed assembly)")
             return
@@ -201,4 +203,23 @@ contains
             group%start(:, i) = state%group%place(1, :, group%link(i))
         end do
     end subroutine keep_group
+
+    !> Does no start close because of a coordinate that cannot move by itself?
+    subroutine tell_locked(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        logical :: follows
+        integer :: k
+
+        call find_locked(model, k, follows)
+        if (k == 0) return
+        if (follows) then
+            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(k)%name) &
+                //" cannot move by itself: the joints make it follow those before it (expected coordinates none of which " &
+                //"follows from others)")
+        else
+            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(k)%name) &
+                //" cannot move: the other joints hold it fast (expected the coordinate of a joint that they leave free)")
+        end if
+    end subroutine tell_locked
 end module linkdyn_planar_start

@@ -80,11 +80,10 @@ contains
         logical, intent(out) :: is_released
         type(status_type), intent(inout) :: status
         type(stressed_pose), allocatable :: pose(:)
-        type(move_type), allocatable :: move(:), taken(:), best(:)
+        type(move_type), allocatable :: move(:), best(:)
         integer, allocatable :: sure(:)
         logical, allocatable :: is_redundant(:)
-        real(wp) :: score, best_score
-        integer :: i, first
+        integer :: i
 
         is_released = .false.
         if (model%n_link > most_links) return
@@ -96,18 +95,8 @@ contains
         if (size(pose(1)%stress, 2) == 0) return
         call list_moves(model, pose(1)%loop, move)
         sure = pack([(i, i=1, size(move))], lets_gear_go(move))
-        best_score = acts
-        ! of many moves only the best is one to begin with
-        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves .or. gears_first)
-        do i = first, merge(0, size(move), first == 0)
-            if (i > 0) then
-                if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
-            end if
-            call choose_moves(pose, move, sure, i, gears_first, taken, score)
-            if (score <= best_score*(1 + rounding)) cycle
-            best_score = score
-            best = taken
-        end do
+        call choose_release(pose, move, sure, gears_first, best)
+        if (.not. allocated(best)) call choose_release(clear_poses(pose, move, sure, gears_first), move, sure, gears_first, best)
         if (.not. allocated(best)) return
         do i = 1, size(best)
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
@@ -326,6 +315,50 @@ contains
                  .not. any(move(:k - 1)%i == move(k)%i .and. move(:k - 1)%kind == move(k)%kind &
                             .and. move(:k - 1)%needs == move(k)%needs)
     end function begins
+
+    !> The best of all beginnings; nothing if none of them leaves the joints enough in every pose.
+    subroutine choose_release(pose, move, sure, gears_first, best)
+        type(stressed_pose), intent(in) :: pose(:)
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: sure(:)                  !! moves that are taken in any case
+        logical, intent(in) :: gears_first
+        type(move_type), allocatable, intent(out) :: best(:)
+        type(move_type), allocatable :: taken(:)
+        real(wp) :: score, best_score
+        integer :: i, first
+
+        best_score = acts
+        ! of many moves only the best is one to begin with
+        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves .or. gears_first)
+        do i = first, merge(0, size(move), first == 0)
+            if (i > 0) then
+                if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
+            end if
+            call choose_moves(pose, move, sure, i, gears_first, taken, score)
+            if (score <= best_score*(1 + rounding)) cycle
+            best_score = score
+            best = taken
+        end do
+    end subroutine choose_release
+
+    !> The poses in which some joints can let go: the one near the start, and of those far off all but the mechanism's own singular
+    !> ones. A spherical four-bar whose points are all one has three axes besides its coordinate's along which forces can go; where
+    !> these lie in a plane, at a dead point, they do not span the space, and no other choice would be better there.
+    function clear_poses(pose, move, sure, gears_first) result(clear)
+        type(stressed_pose), intent(in) :: pose(:)
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: sure(:)
+        logical, intent(in) :: gears_first
+        type(stressed_pose), allocatable :: clear(:)
+        type(move_type), allocatable :: best(:)
+        integer :: p
+
+        clear = pose(:1)
+        do p = 2, size(pose)
+            call choose_release(pose(p:p), move, sure, gears_first, best)
+            if (allocated(best)) clear = [clear, pose(p)]
+        end do
+    end function clear_poses
 
     !> As many moves as there are states of self-stress: the sure ones, then to one kind at one joint, then the best that are left.
     subroutine choose_moves(pose, move, sure, first, gears_first, taken, score)

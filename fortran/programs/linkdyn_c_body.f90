@@ -10,7 +10,7 @@ module linkdyn_c_body
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, uses_operation, text_len
+    public :: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, is_handed, uses_operation, text_len
 
     integer, parameter :: text_len = 256
 
@@ -182,6 +182,14 @@ contains
             write (unit, "(a)") repeat(" ", indent)//part_name(routine, p)//"("//pointers(routine, p, argument)//");"
         end do
     end subroutine write_calls
+
+    !> Does any part take the pointer of this number?
+    pure logical function is_handed(routine, pointer)
+        type(c_routine), intent(in) :: routine
+        integer, intent(in) :: pointer
+
+        is_handed = any(routine%takes(pointer, :))
+    end function is_handed
 
     function part_name(routine, p) result(name)
         type(c_routine), intent(in) :: routine

@@ -19,6 +19,7 @@ from ._averages import good_samples, rms
 from ._frame_motion import with_frame
 from ._kinematics import LinkMotion, link_motion
 from ._shaking import inertia_wrench
+from ._turns import turned_on
 from .errors import InputError
 from .scene import Scene
 
@@ -167,11 +168,12 @@ def balance(
         raise InputError(f"balance: {n} sample{'s' if n > 1 else ''} failed (expected a motion of which all can be computed)")
     if run.sizes["sample"] < 3:
         raise InputError("balance: the scene does not move (expected coordinates with a motion)")
-    motion = with_frame(link_motion(scene, run), run, "balance")
+    seen = link_motion(scene, run)
+    motion = with_frame(seen, run, "balance")
     before = inertia_wrench(motion, run, np.zeros(3))[0]
     planes = [_across(hinged[name][2]) for name in chosen]
     effect = np.concatenate([_effect(motion, hinged[name][0], plane) for name, plane in zip(chosen, planes)], axis=2)
-    weights, above, turns = _parts(run.time.values), 0.0, _turns(motion, hinged)
+    weights, above, turns = _parts(run.time.values), 0.0, _turns(seen, hinged, run.time.values)
     if goal == "harmonics":
         moments = _least_harmonics(run.time.values, before, effect, orders, turns)
     elif goal == "rms":
@@ -209,14 +211,15 @@ def _hinged(scene: Scene) -> dict[str, tuple[int, Vectors, Vectors]]:
     return found
 
 
-def _turns(motion: LinkMotion, hinged: dict[str, tuple[int, Vectors, Vectors]]) -> int:
+def _turns(motion: LinkMotion, hinged: dict[str, tuple[int, Vectors, Vectors]], time: Vectors) -> int:
     """Whole turns of the slowest link that turns on through the run; 1 if none does."""
     found = []
     for number, _, axis in hinged.values():
         plane = _across(axis)
         arm = motion.rotation[:, number] @ plane[0]
         start = motion.rotation[0, number] @ plane.T
-        angle = np.unwrap(np.arctan2(arm @ start[:, 1], arm @ start[:, 0]))
+        rate = motion.spin[:, number] @ np.cross(start[:, 0], start[:, 1])
+        angle = turned_on(np.arctan2(arm @ start[:, 1], arm @ start[:, 0]), rate, time)
         whole = round(abs(angle[-1]) / (2 * np.pi))
         if whole and abs(abs(angle[-1]) - 2 * np.pi * whole) < CLOSED:
             found.append(whole)

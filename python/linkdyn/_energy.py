@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ._arguments import as_known, as_positive
 from ._averages import good_samples, rms, shares
+from ._turns import turned_on
 from .errors import InputError
 from .results import need_result
 
@@ -95,7 +96,7 @@ def flywheel(run: xr.Dataset, fluctuation: float, actuator: str | None = None) -
     _clock(run, "driving_speed", "flywheel")
     torque = run.driving_force.sel(actuator=name).values
     speed = run.driving_speed.sel(actuator=name).values
-    angle = _angle(run, name)
+    angle = turned_on(_angle(run, name), speed, time)
     if not (speed > 0).all() and not (speed < 0).all():
         raise InputError(f"flywheel: the shaft of {name} stands or turns back (expected a run in which it turns on)")
     work = running(torque[:, np.newaxis], angle)[:, 0]
@@ -173,10 +174,11 @@ def _clock(run: xr.Dataset, quantity: str, caller: str) -> Values:
 
 
 def _angle(run: xr.Dataset, actuator: str) -> Values:
-    """Of the shaft, counting turns."""
+    """Of the shaft, but for whole turns."""
     if "joint_variable" not in run:
         raise InputError("flywheel: the run has no joint_variable (expected a run that wants it)")
     names = list(map(str, run["variable"].values))
     driven = {actuator, actuator.rpartition(":")[0]} - {""}
     place = next(i for i, name in enumerate(names) if name in driven or name.rpartition(".")[0] in driven)
-    return np.unwrap(run.joint_variable.values[:, place])
+    values: Values = run.joint_variable.values[:, place]
+    return values

@@ -7,6 +7,7 @@ import xarray as xr
 
 from ._arguments import as_known
 from ._kinematics import link_motion, links_at_rest
+from ._turns import turned_on
 from .scene import Scene
 
 __all__ = ["marker", "marker_names", "relative_pose"]
@@ -86,7 +87,10 @@ def relative_pose(run: xr.Dataset, link: str, seen_from: str, scene: Scene) -> x
     if scene.planar:
         angle = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
         good = ~failed
-        if "time" in run.coords:
+        if "time" in run.coords and {"qd", "qdd"} <= set(run.data_vars):
+            spin = link_motion(scene, run).spin[good, :, 2]
+            angle[good] = turned_on(angle[good], spin[:, here] - spin[:, there], run.time.values[good])
+        elif "time" in run.coords:
             angle[good] = np.unwrap(angle[good])
         found["angle"] = ("sample", angle, {"units": "rad", "long_name": f"angle {words}"})
     else:

@@ -146,10 +146,11 @@ def across(axis: Array) -> Array:
 def axes_about(axis: Array) -> Array:
     """Axes in columns, the last one given, and x as a scene file has it where it is left out: turned the shortest way."""
     z = axis / np.linalg.norm(axis)
-    if z[2] < -0.99:
-        x = across(z)
-    else:
-        x = np.array([1.0, 0, 0]) - z[0] / (1 + z[2]) * np.array([z[0], z[1], 1 + z[2]])
+    x, square = np.array([1.0, 0, 0]), z[0] ** 2 + z[1] ** 2
+    if square > 0:
+        part = 1 / (1 + z[2]) if z[2] > 0 else (1 - z[2]) / square     # 1/(1 + z), also near -1
+        x = x - z[0] * part * np.array([z[0], z[1], 0]) - np.array([0, 0, z[0]])
+    x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 
 

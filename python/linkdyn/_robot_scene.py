@@ -116,7 +116,7 @@ def _cylindrical(pair: list[TreeJoint], size: float) -> Group | None:
 def _universal(pair: list[TreeJoint], size: float) -> Group | None:
     first, second = pair
     z1, z2 = first.axis, second.axis
-    if abs(z1 @ z2) > ALIGNED:
+    if abs(z1 @ z2) > ALIGNED or first.armature or second.armature:      # a motor with a rotor drives an axis of its own
         return None
     apart = second.at - first.at
     if abs(np.cross(z1, z2) @ apart) > ALIGNED * size:
@@ -233,6 +233,8 @@ class _SceneMaker:
         first = 0
         for i, body in enumerate(self.robot.bodies[1:], start=1):
             if body.joints[0].kind == "free":
+                if body.joints[0].stiffness or body.joints[0].damping:
+                    self.left_out.append(f"joint '{body.joints[0].name}': stiffness and damping of a body that floats")
                 self.dof_names += [(self.links[i].name, component) for component in ("x", "y", "z", "roll", "pitch", "yaw")]
                 first += 6
                 continue
@@ -285,7 +287,7 @@ class _SceneMaker:
         """A point with axes in columns, written as short as they allow."""
         name = Names(*link._table.get("markers", {})).new(wanted.replace(".", "_"), "M")
         axis, x = _numbers(axes[:, 2]), _numbers(axes[:, 0])
-        is_usual = np.abs(axes - axes_about(axes[:, 2])).max() < EXACT
+        is_usual = np.abs(axes - axes_about(np.array(axis))).max() < EXACT     # as the reader will have it of these digits
         return link.marker(name, _numbers(at), axis=None if axis == [0, 0, 1] and is_usual else axis, x=None if is_usual else x)
 
     # ----------------------------------------------------------------------------------------------------------- what leads

@@ -16,6 +16,8 @@ from .errors import LinkdynError
 
 __all__ = ["run_study"]
 
+AGAINST = "  errors against the "
+"""Begins the line of the report that says what errors are measured against."""
 FAILED = 1e30
 """Errors from here on stand for a run that could not be finished."""
 
@@ -55,6 +57,7 @@ def run_study(text: str, folder: str, t_end: float | None) -> xr.Dataset:
             rows = list(csv.DictReader(file))
     error = np.array([float(row["error [1]"]) for row in rows])
     error[error > FAILED] = np.nan
+    against = next(line for line in run.stdout.splitlines() if line.startswith(AGAINST))
     return xr.Dataset(
         {
             "seconds": ("row", [float(row["seconds [s]"]) for row in rows], {
@@ -63,5 +66,5 @@ def run_study(text: str, folder: str, t_end: float | None) -> xr.Dataset:
             "steps": ("row", [int(row["steps [1]"]) for row in rows], {"units": "1", "long_name": "steps taken"}),
         },
         {key: ("row", [row[key] for row in rows]) for key in ("analysis", "method", "setting")},
-        {"report": run.stdout, "reference": "quadruple twin" if twin else "most careful result in double precision"},
+        {"report": run.stdout, "reference": against.removeprefix(AGAINST)},
     )

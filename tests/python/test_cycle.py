@@ -87,6 +87,15 @@ def test_crank_pin_in_closed_form():
     assert pin.acceleration.units == "m/s2" and pin.position.dims == ("sample", "axis")
 
 
+@pytest.mark.parametrize("samples", [4, 42, 500])
+def test_relative_angles_count_turns_by_their_rates(samples: int) -> None:
+    """A disc of 50 turns, seen from the frame, however far its samples are apart."""
+    content = tomllib.loads(shaft({"moment": 1.0}, rpm=3000.0).text)
+    content["time"] = {"end": 1.0, "samples": samples}
+    run = linkdyn.Scene(content).inverse()
+    np.testing.assert_allclose(run.linkdyn.relative_pose("disc", "frame").angle, np.linspace(0.0, 100 * np.pi, samples), atol=1e-11)
+
+
 def test_relative_pose_is_the_joint_variable():
     scene = linkdyn.new("six-bar")
     run = scene.inverse()
@@ -200,6 +209,18 @@ def test_flywheel_of_a_textbook_torque_curve():
     assert float(energy.fluctuation.sel(drive="A")) == pytest.approx(60.0, rel=1e-4)
     assert float(energy.energy_back.sel(drive="A")) == 0.0
     assert float(run.linkdyn.rms().sel(actuator="A")) == pytest.approx(np.sqrt(100.0**2 + 60.0**2 / 2), rel=1 / 721)    # both ends count
+
+
+@pytest.mark.parametrize("samples", [42, 61, 721])
+def test_flywheel_on_a_shaft_that_turns_often_between_samples(samples: int) -> None:
+    """50 turns in one wave of the load, which 5/pi turns of 5 N m hold: counted by the speed, not by the nearest angles."""
+    content = tomllib.loads(shaft({"moment": {"law": "harmonic", "mean": -3.0, "amplitude": 5.0, "frequency": "1 Hz"}}, rpm=3000.0).text)
+    content["time"] = {"end": 1.0, "samples": samples}
+    wheel = linkdyn.Scene(content).inverse().linkdyn.flywheel(0.01)
+    w = 3000 * RPM
+    assert float(wheel.mean_speed) == pytest.approx(w, rel=1e-12)
+    assert float(wheel.energy) == pytest.approx(10.0 / (2 * np.pi) * w, rel=5e-3)
+    assert float(wheel.inertia) == pytest.approx(10.0 / (2 * np.pi) / (0.01 * w), rel=5e-3)
 
 
 def test_energy_in_and_back():

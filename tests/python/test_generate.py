@@ -262,6 +262,13 @@ def test_iteration_forward(tmp_path: Path) -> None:
         np.testing.assert_allclose(found["joint_rate"], run.joint_rate.values[i], atol=1e-9 * np.abs(run.joint_rate.values).max())
 
 
+@pytest.mark.parametrize("kernel", ["inverse", "kinematics"])
+def test_groups_led_by_placed_links_alone(kernel: str, tmp_path: Path) -> None:
+    """The third leg of a Tripteron hangs on its platform, which others place: its step takes nothing of what the caller gives."""
+    compiled = Compiled(load("tripteron").generate(kernel, name="kernel"), tmp_path)
+    assert compiled(q=compiled.start()["q"][0] + 0.01)[0] == OK
+
+
 def test_iteration_from_too_far(tmp_path: Path) -> None:
     """A step through which the assembly cannot be followed is refused, whatever closes at its end; places stay, and smaller steps lead on."""
     scene = load("../tests/scenes/rsur.toml")

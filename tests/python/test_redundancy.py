@@ -647,3 +647,31 @@ def test_hookes_joint_drawn_from_its_centre(bend: float, lead: str) -> None:
     change = (run.qdd.values[:, 0] - slope * rate**2) / gain if lead == "D" else run.qdd.values[:, 0]
     torque = first * change + second * gain * (gain * change + slope * rate**2)
     np.testing.assert_allclose(run.driving_force[:, 0], torque, atol=1e-11 * np.abs(torque).max())
+
+
+def centred_four_bar(seed: int) -> tuple[dict[str, Any], Array]:
+    """Four axes at random through one point, at which all markers are; a crank at A and a rocker at D."""
+    axes = np.random.default_rng(seed).normal(size=(4, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, np.newaxis]
+    scene = hinges(np.zeros((4, 3)), axes)
+    scene["time"] = {"end": 0.1, "samples": 3}
+    return scene, axes
+
+
+def reach_of_crank(axes: Array, angle: Array) -> Array:
+    """What of the rocker's angle is known, cos x = c: beyond one nothing closes. Of B turned by the crank, C at its angle to B and to D."""
+    a, b, c, d = axes
+    turned = np.cos(angle)[:, np.newaxis] * b + np.sin(angle)[:, np.newaxis] * np.cross(a, b) + ((1 - np.cos(angle)) * (a @ b))[:, np.newaxis] * a
+    across = c - (c @ d) * d
+    return (b @ c - (c @ d) * (turned @ d)) / np.hypot(turned @ across, turned @ np.cross(d, c))
+
+
+@pytest.mark.parametrize("first", range(0, 80, 20))
+def test_spherical_four_bars_drawn_from_their_centre(first: int) -> None:
+    """Poses far off in which the three free axes lie in a plane are dead points of the crank, and do not forbid to release forces along these axes."""
+    for seed in range(first, first + 20):
+        scene, axes = centred_four_bar(seed)
+        run = linkdyn.Scene(scene).inverse()
+        closes = np.abs(reach_of_crank(axes, run.q.values[:, 0] - run.q.values[0, 0]))
+        assert not run.status.values[closes < 0.999].any(), seed
+        assert run.status.values[closes > 1].all(), seed

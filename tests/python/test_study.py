@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import linkdyn
+import linkdyn.cli
 import matplotlib
 import numpy as np
 import pytest
@@ -38,3 +39,31 @@ def test_an_unstable_motion_is_called_so():
     line = next(line for line in report.splitlines() if "unstable motion: errors grow tenfold every" in line)
     assert 0.1 < float(line.split("every")[1].split()[0]) < 0.3
     assert "unstable" not in linkdyn.load("examples/stephenson_iii/scene.toml").study().attrs["report"]
+
+
+def slider_leads(start: float) -> linkdyn.Scene:
+    """A slider-crank led by its slider, outwards by 0.2 m: the crank and the rod end at 0.7 m."""
+    part = {"mass": 1.0, "inertia": 0.01}
+    return linkdyn.Scene({
+        "space": "planar", "gravity": [0.0, -9.81], "frame": {"markers": {"A": [0.0, 0.0]}}, "time": {"end": 1.0, "samples": 41},
+        "link": [{"name": "crank", **part, "markers": {"A": [0.0, 0.0], "B": [0.2, 0.0]}}, {"name": "rod", **part, "markers": {"B": [0.0, 0.0], "C": [0.5, 0.0]}},
+                 {"name": "slider", **part, "markers": {"C": [0.0, 0.0]}}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]}, {"name": "B", "type": "revolute", "between": ["crank.B", "rod.B"]},
+                  {"name": "C", "type": "revolute", "between": ["rod.C", "slider.C"]}, {"name": "D", "type": "prismatic", "between": ["frame.A", "slider.C"]}],
+        "coordinate": [{"joint": "D", "motion": {"law": "constant-rate", "start": start, "rate": 0.2}}], "actuator": [{"joint": "D"}],
+    })  # fmt: skip
+
+
+def test_samples_without_forces_are_left_out():
+    """Errors of the samples that there are, against the quadruple twin, which then answers; of none of them nothing is recommended."""
+    result = slider_leads(0.6).study(t_end=0.1)
+    errors = result.error.values[result.analysis.values == "inverse"]
+    assert np.nanmax(errors) < 1e-12
+    assert 0 < (errors > 0).sum()
+    assert result.attrs["reference"].startswith(("quadruple twin", "most careful result"))
+    assert ("twin gave no answer" in result.attrs["reference"]) == ("twin gave no answer" in result.attrs["report"])
+    if linkdyn.cli.quadruple_twin():
+        assert "of inverse dynamics" not in result.attrs["reference"]
+    report = slider_leads(0.75)
+    with pytest.raises(linkdyn.LinkdynError, match="no sample of the motion has forces"):
+        report.study(t_end=0.1)
