@@ -100,8 +100,8 @@ WAYS = {
          "-Dlanes=4", "-Dmarch=x86-64", "-Dgsl=disabled"),
         # pages, pictures and types are the same in every build; bounds on rounding errors are for lanes32, whose instructions round otherwise;
         # what a test has many cases of goes the same ways through the code in most
-        ("tests/python", "tests/cli", "tests/faults", "-m", "(lanes or not accuracy) and not long", "--cases", "3"),
-        lambda: {"LINKDYN_SLOWNESS": "5"},
+        ("tests/python", "tests/cli", "tests/faults", "tests/fuzz", "-m", "(lanes or not accuracy) and not long", "--cases", "3"),
+        lambda: {"LINKDYN_SLOWNESS": "5", "LINKDYN_FUZZ_PATIENCE": "20", "LINKDYN_FUZZ_CASES": "200"},
     ),
     "sanitized": Way(
         "addresses, undefined behaviour of C and C++ and, without Python, leaks looked at while running",
