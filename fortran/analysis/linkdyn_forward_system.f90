@@ -12,7 +12,7 @@
 !> gfortran 12 keeps procedures of this file that are not public to itself: what submodules call is bound to the type, or has its body in
 !> one of them.
 module linkdyn_forward_system
-    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, note_start
+    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, measure_rates, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
@@ -23,13 +23,15 @@ module linkdyn_forward_system
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
-    use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
+    use linkdyn_energy_balance, only: energy_of_motion
+    use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
         follow_angles, looks_for_angles, follow_within, angles_at
+    use linkdyn_forward_look, only: forward_look, free_looks
     use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
@@ -95,12 +97,15 @@ module linkdyn_forward_system
         integer :: n_before_record = 0                 !! evaluations on lanes before that
         type(shared_programs), pointer :: shared => null()    !! held; null: nobody has given or needed any
         type(forward_record) :: record
+        type(forward_look) :: looks           !! at the ends of steps
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
         type(law_sight) :: sight                       !! what laws do within steps
-        logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
+        logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
+                                                       !! is; it is here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]
         real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
+        logical, private :: is_behind = .false.        !! it is not in the workspace
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: evaluate_on_lanes
@@ -151,6 +156,36 @@ module linkdyn_forward_system
             real(wp), intent(out) :: rate(:, :)
             logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         end subroutine evaluate_by_record
+
+        ! ---- linkdyn_forward_looks
+        module logical function sees_end(self)
+            class(forward_system), intent(inout) :: self
+        end function sees_end
+
+        module subroutine see_surplus(self, t, state, surplus, scale, are_seen)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t, state(:, :)         !! [s], (n, state)
+            real(wp), intent(out) :: surplus(:)            !! [J] (state)
+            real(wp), intent(out) :: scale                 !! of what the first one is a difference of [J]
+            logical, intent(out) :: are_seen               !! else the rest is nothing
+        end subroutine see_surplus
+
+        module logical function accept_by_look(self, t, y, is_accepted) result(is_done)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+            logical, intent(in) :: is_accepted(lanes)
+        end function accept_by_look
+
+        module function seen_motion(self, is_acceleration) result(motion)
+            class(forward_system), intent(in) :: self
+            logical, intent(in) :: is_acceleration         !! else rates
+            real(wp) :: motion(3, size(self%bounce%joint) + size(self%bounce%link))    ! [rad/s, m/s; /s]
+        end function seen_motion
+
+        module subroutine compare_seen(self)
+            class(forward_system), intent(inout) :: self
+        end subroutine compare_seen
 
         ! ---- linkdyn_forward_control
         !> The next instant at which a controller takes a sample, or one takes effect; huge: none.
@@ -432,6 +467,7 @@ contains
             self%angles = other%angles
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
+        call free_looks(self%looks)
         call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
@@ -450,6 +486,7 @@ contains
         call free_motion_forces(self%of_motion)
         call free_control(self%control)
         call free_forward_record(self%record)
+        call free_looks(self%looks)
         call leave_programs(self%shared)
     end subroutine release
 
@@ -469,32 +506,44 @@ contains
         real(wp), intent(in) :: y(:, :)
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
-        real(wp) :: by_record(lanes, self%n)
         logical :: is_left(lanes)
-        integer :: k
 
         if (.not. self%has_record_now(t(1))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
-        call evaluate_by_record(self, t, y, by_record, is_left)
+        call evaluate_by_record(self, t, y, rate, is_left)
         if (any(is_left)) then
-            call self%evaluate_on_lanes(t, y, rate, failed)
-            where (.not. is_left) failed = .false.
-            do k = 1, self%n
-                where (.not. is_left) rate(:, k) = by_record(:, k)
-            end do
+            call evaluate_rest(self, t, y, is_left, rate, failed)
         else
-            rate = by_record
             failed = .false.
             self%n_by_record = self%n_by_record + 1
             self%workspace%status = sample_ok
             self%watch%is_compared = .false.
+            self%is_by_record = .true.
             self%is_behind = .true.
             self%t_tried = t
             self%y_tried = y
         end if
     end subroutine evaluate_forward
+
+    !> What the record has left, on lanes.
+    subroutine evaluate_rest(self, t, y, is_left, rate, failed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_left(lanes)
+        real(wp), intent(inout) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
+        real(wp) :: on_lanes(lanes, self%n)
+        integer :: k
+
+        call self%evaluate_on_lanes(t, y, on_lanes, failed)
+        failed = failed .and. is_left
+        do k = 1, self%n
+            where (is_left) rate(:, k) = on_lanes(:, k)
+        end do
+    end subroutine evaluate_rest
 
     !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold.
     logical function has_record_now(self, t) result(has_one)
@@ -519,6 +568,7 @@ contains
         logical, intent(out) :: failed(lanes)
 
         self%watch%is_compared = .false.
+        self%is_by_record = .false.
         self%is_behind = .false.
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
@@ -658,6 +708,8 @@ contains
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
+        real(wp), dimension(lanes) :: energy, kinetic
+        logical :: is_seen
 
         self%n_accepted = self%n_accepted + 1
         if (holds_anywhere(self%clutch)) then
@@ -667,14 +719,24 @@ contains
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         self%control%state%blind = 0
+        is_seen = .false.
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
-            call accept_assembly(self%model, t, is_accepted, self%assembly)
-            call weigh_energy(self%model, self%assembly, y(:, self%layout%supplied), self%energy)
+            is_seen = accept_by_look(self, t, y, is_accepted)
+            if (.not. is_seen) then
+                call accept_assembly(self%model, t, is_accepted, self%assembly)
+                call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
+                call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+            end if
         end if
-        if (self%bounce%is_on) call note_start(self%model, self%assembly%state, t(1), self%bounce)
+        if (self%bounce%is_on .and. is_seen) then
+            call note_start(t(1), seen_motion(self, is_acceleration=.false.), self%bounce)
+        else if (self%bounce%is_on) then
+            call note_start(t(1), measure_rates(self%model, self%assembly%state, self%bounce), self%bounce)
+        end if
         call accept_motion(t, is_accepted, self%of_motion)
-        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) call follow_turns(self, t, y, is_accepted)
+        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) &
+            call follow_turns(self, t, y, is_accepted, self%assembly%is_needed .and. .not. is_seen)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -687,14 +749,14 @@ contains
     end subroutine begin_chain_of_stages
 
     !> Angles have turned on the way to an accepted state.
-    subroutine follow_turns(self, t, y, is_accepted)
+    subroutine follow_turns(self, t, y, is_accepted, is_at_hand)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
+        logical, intent(in) :: is_at_hand              !! the state has just been computed on lanes
 
-        if (self%assembly%is_needed .and. .not. wraps_anywhere(self%angles)) then
-            ! where the state has just been computed
+        if (is_at_hand .and. .not. wraps_anywhere(self%angles)) then
             call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
             return
         end if
@@ -776,11 +838,17 @@ contains
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t, y(:)
         real(wp), intent(in) :: nudge(:), error(:)
-        real(wp) :: part
+        real(wp) :: part, scale
+        real(wp), allocatable :: state(:, :), surplus(:)
+        logical :: are_seen
 
         part = 0
         if (.not. (self%assembly%is_needed .and. self%wants_work)) return
-        call compare_surplus(self%model, self%layout, t, y, self%turns, nudge, error, self%assembly, self%energy, part)
+        state = list_neighbours(y, nudge, error)
+        allocate (surplus(size(state, 2)))
+        call see_surplus(self, t, state, surplus, scale, are_seen)
+        if (.not. are_seen) call find_surplus(self%model, self%layout, t, state, self%turns, self%assembly, surplus, scale)
+        call compare_surplus(surplus, scale, self%energy, part)
     end function broken_law
 
     !> Ways to the next states begin where these have their turns left out.

@@ -5,12 +5,12 @@
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
-        stand_there, branches_tried
+        stand_there
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         free_equations, prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
-        place_states, close_states, may_change_assembly, keep_stages
+        place_states, close_states, may_change_assembly, keep_stages, is_led_there, accept_recorded
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
     use linkdyn_joint_rates, only: joint_rate
@@ -46,6 +46,7 @@ module linkdyn_motion_forces
         real(wp), private :: t(lanes) = -huge(1.0_wp)  !! instants of the forces found last [s]
         type(state_layout), private :: layout          !! nothing of the motion is integrated
         logical, private :: has_record = .false.
+        logical, private :: is_by_record = .false.     !! what was found last is the record's
         type(forward_record) :: record
         integer :: n_by_record = 0                     !! evaluations by the record alone
     end type motion_forces
@@ -119,10 +120,19 @@ contains
         logical, intent(in) :: is_accepted(lanes)
         type(motion_forces), intent(inout) :: forces
 
-        if (forces%assembly%is_needed) then
-            call unpack_motion(forces%model, t, forces%assembly%state)
-            call accept_assembly(forces%model, t, is_accepted, forces%assembly)
+        logical :: is_done
+
+        if (.not. forces%assembly%is_needed) return
+        call unpack_motion(forces%model, t, forces%assembly%state)
+        is_done = forces%is_by_record .and. all(is_accepted) .and. all(t == t(1) .and. t == forces%t)
+        if (is_done) is_done = .not. is_led_there(forces%record)
+        if (is_done) then
+            associate (found => forces%record%samples%found(:, 1), out => forces%record%recorded%out, n => forces%model%n_branch)
+                call accept_recorded(forces%model, t, found(out%margin:out%margin + n - 1), found(out%drift:out%drift + n - 1), &
+                                     forces%record, forces%assembly, is_done)
+            end associate
         end if
+        if (.not. is_done) call accept_assembly(forces%model, t, is_accepted, forces%assembly)
     end subroutine accept_motion
 
     !> What was found before has no part in what is found next.
@@ -152,6 +162,7 @@ contains
             call find_on_lanes(t, forces)
         end if
         forces%t = t
+        forces%is_by_record = serves
     end subroutine find_motion_forces
 
     subroutine find_on_lanes(t, forces)
@@ -315,14 +326,11 @@ contains
         real(wp), intent(in) :: t(lanes)
         integer, intent(in) :: n
         type(motion_forces), intent(inout) :: forces
-        real(wp) :: nothing(lanes, forces%layout%n), no_force(lanes, forces%model%n_actuator)
-        real(wp) :: branch(lanes, forces%model%n_branch)
+        real(wp) :: nothing(lanes, forces%layout%n)
 
         nothing = 0
-        no_force = 0
-        branch = branches_tried(forces%model, forces%assembly)
-        call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(no_force, 2)), &
-                          no_force, forces%record)
+        call place_states(forces%model, forces%layout, forces%assembly, n, t, nothing, nothing, &
+                          spread(.false., 1, forces%model%n_actuator), forces%record)
     end subroutine place_motion
 
     !> Run the record on them; `samples%is_left` says where it does not serve.

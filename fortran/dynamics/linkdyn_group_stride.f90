@@ -327,10 +327,12 @@ contains
         real(wp) :: spin(size(model%group(g)%unit)), turned(2*model%group(g)%n_thread, size(at, 2))
         real(wp), dimension(size(at, 2)) :: margin_here, before, contraction
         logical, dimension(size(at, 2)) :: is_sure, is_under_way
-        real(wp) :: largest, noise, extent
+        real(wp) :: largest, bounded, noise, extent
+        logical :: spins
         integer :: step, s
 
         extent = scene_size(model)
+        spins = model%group(g)%n_thread > 0
         is_under_way = is_closed
         before = huge(1.0_wp)
         contraction = 0
@@ -340,13 +342,14 @@ contains
             do s = 1, size(at, 2)
                 if (.not. is_under_way(s)) cycle
                 margin(s) = margin_here(s)
-                call take_spins_apart(model%group(g), place(:, :, s), correction(:, s), spin)
+                if (spins) call take_spins_apart(model%group(g), place(:, :, s), correction(:, s), spin)
                 largest = maxval(abs(correction(:, s))/model%group(g)%unit)
+                bounded = largest
+                if (spins) bounded = maxval(abs(correction(:, s) - spin)/model%group(g)%unit)
                 noise = rounding_at(distance_of(model, model%group(g), extent, place(:, :, s)), extent) &
                         /max(abs(margin(s)), least_group_margin)
                 if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
-                is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. &
-                               maxval(abs(correction(:, s) - spin)/model%group(g)%unit) <= largest_turn
+                is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. bounded <= largest_turn
                 is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
                 before(s) = largest
                 if (.not. is_closed(s)) cycle
