@@ -49,6 +49,7 @@ contains
             if (self%may_record) call record_motion(self, t, shared)
         end associate
         call release_records()
+        self%n_before_record = min(self%n_before_record, self%n_accepted*self%evaluations_a_step)
         if (self%may_record) call help_lanes(self)
     end procedure make_record
 

@@ -17,7 +17,7 @@ module linkdyn_forward_system
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
-    use linkdyn_controllers, only: begin_controllers
+    use linkdyn_controllers, only: controllers_type, begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
     use linkdyn_drive_laws, only: compares_motion
     use linkdyn_drives, only: coordinate_of_actuator
@@ -56,7 +56,7 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, build_forward_system
+    public :: forward_system, forward_memory, build_forward_system
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -136,9 +136,36 @@ module linkdyn_forward_system
         procedure, private :: look_closely
         procedure, private :: has_record_now
         procedure, private :: find_given_forces
+        procedure :: remember
+        procedure :: recall
         procedure :: release
         procedure :: renew
     end type forward_system
+
+    !> What a system remembers of its way.
+    type :: forward_memory
+        private
+        logical :: wants_rest = .false.
+        real(wp), allocatable :: turns(:, :)
+        integer :: n_jump = 0
+        real(wp) :: mode(lanes) = 0
+        real(wp), allocatable :: guard_side(:, :), guard_scale(:, :)
+        logical, allocatable :: guard_is_fresh(:, :)
+        type(stop_states) :: stops
+        type(clutch_states) :: clutch
+        type(followed_angles) :: angles
+        type(carried_assembly) :: assembly, of_motion
+        type(controllers_type) :: control
+        type(motor_states) :: motors
+        type(energy_check) :: energy
+        type(bounce_watch) :: bounce
+        integer :: obstacle(lanes) = sample_ok, final_event(lanes) = 0
+        logical :: is_driven_through(lanes) = .false.
+        type(event_log) :: log
+        type(law_sight) :: sight
+        integer :: n_accepted = 0, n_before_record = 0
+        real(wp), allocatable :: given_force(:)
+    end type forward_memory
 
     ! How is said in the submodules. Instants t in s, states y (lane, n).
     interface
@@ -156,6 +183,17 @@ module linkdyn_forward_system
             real(wp), intent(out) :: rate(:, :)
             logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         end subroutine evaluate_by_record
+
+        ! ---- linkdyn_forward_memory
+        module subroutine remember(self, memory)
+            class(forward_system), intent(in) :: self
+            type(forward_memory), intent(out) :: memory
+        end subroutine remember
+
+        module subroutine recall(self, memory)
+            class(forward_system), intent(inout) :: self
+            type(forward_memory), intent(in) :: memory     !! of this system, or another one of the same model
+        end subroutine recall
 
         ! ---- linkdyn_forward_looks
         module logical function sees_end(self)
@@ -552,10 +590,9 @@ contains
 
         has_one = .false.
         if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
-        if (self%may_record .and. .not. associated(self%record%recorded)) then
-            ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
-            if (self%n_accepted*self%evaluations_a_step >= self%n_before_record) call self%make_record(t)
-        end if
+        ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
+        if (self%n_accepted*self%evaluations_a_step < self%n_before_record) return
+        if (self%may_record .and. .not. associated(self%record%recorded)) call self%make_record(t)
         has_one = self%may_record .and. associated(self%record%recorded)
     end function has_record_now
 

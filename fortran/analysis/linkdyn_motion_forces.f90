@@ -42,7 +42,7 @@ module linkdyn_motion_forces
         type(model_type), pointer, private :: model => null()  !! with the coordinates that the motion speaks of
         type(equations_type), private :: equations
         type(equation_workspace), private :: workspace
-        type(carried_assembly), private :: assembly
+        type(carried_assembly) :: assembly
         real(wp), private :: t(lanes) = -huge(1.0_wp)  !! instants of the forces found last [s]
         type(state_layout), private :: layout          !! nothing of the motion is integrated
         logical, private :: has_record = .false.

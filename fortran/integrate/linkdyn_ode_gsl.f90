@@ -38,6 +38,7 @@ module linkdyn_ode_gsl
         procedure :: start => start_runge_kutta
         procedure :: try_step => try_runge_kutta
         procedure :: propose => propose_runge_kutta
+        procedure :: is_of_fortran => is_runge_kutta_of_fortran
         procedure :: release => release_runge_kutta
     end type runge_kutta_gsl
 
@@ -165,6 +166,12 @@ contains
         next = step*min(merge(largest, safety, is_accepted), &
                         max(least, safety*max(part, tiny(1.0_wp))**(-1/real(self%order, wp))))
     end subroutine propose_runge_kutta
+
+    pure logical function is_runge_kutta_of_fortran(self) result(is_of_fortran)
+        class(runge_kutta_gsl), intent(in) :: self
+
+        is_of_fortran = .false.
+    end function is_runge_kutta_of_fortran
 
     subroutine release_runge_kutta(self)
         class(runge_kutta_gsl), intent(inout) :: self
