@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import test_belts
 import test_clutches
+import test_motor_laws
 from linkdyn.errors import InputError
 from test_controllers import arm, slider
 
@@ -30,8 +31,17 @@ def example(name: str) -> linkdyn.Scene:
 
 def walled() -> linkdyn.Scene:
     data = slider(**PID)
-    data["event"] = [{"name": "far", "joint": "A", "at": 0.08}]
-    data["stop"] = [{"name": "wall", "joint": "A", "max": 0.12, "restitution": 0.4}]
+    data["measures"] = {"x": {"joint": "A"}}
+    data["event"] = [{"name": "far", "when": "x - 0.15 m"}]
+    data["stop"] = [{"name": "wall", "joint": "A", "min": 0.08, "restitution": 0.4}]
+    return linkdyn.Scene(data)
+
+
+def braked() -> linkdyn.Scene:
+    """A motor's brake comes on at an angle and lets go at another."""
+    data = test_motor_laws.braked(5.0, {"torque": 6.0, "from_event": "there", "until_event": "back", "begins": "off"}, 2.0)
+    data["measures"] = {"angle": {"joint": "O"}}
+    data["event"] = [{"name": "there", "when": "angle - 1.5 rad"}, {"name": "back", "when": "angle - 1.8 rad"}]
     return linkdyn.Scene(data)
 
 
@@ -52,6 +62,7 @@ SCENES: dict[str, tuple[Callable[[], linkdyn.Scene], float, int, int]] = {
         lambda: test_clutches.slope(0.3, 0.5).with_({"coordinate.x.start": {"position": 0.0, "velocity": 2.0}}), 5e-3, 30, 60,
     ),
     "clutch": (test_clutches.shafts, 0.02, 20, 60),
+    "brake": (braked, 0.01, 26, 40),
     "belt": (lambda: linkdyn.Scene(test_belts.belt()), 1e-3, 50, 60),
     "four-bar, turns": (lambda: example("fourbar_constant_torque"), 0.03, 60, 40),
     "group": (lambda: example("spatial_slider_crank"), 0.03, 20, 20),
