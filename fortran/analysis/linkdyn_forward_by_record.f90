@@ -1,12 +1,12 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
+    use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: stand_there
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: choose_looks, use_looks
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
-    use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_lock, only: hold_records, release_records
     use linkdyn_look_program, only: look_choice
@@ -126,7 +126,8 @@ contains
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
         real(wp), dimension(lanes) :: energy, kinetic
-        integer :: obstacle(lanes), first, lane, n_used, n_compared, n_alike, n_seen
+        type(agreement) :: of_rates, of_looks
+        integer :: obstacle(lanes), first, lane, n_used
         logical :: failed(lanes), is_left(lanes)
 
         carried = self%assembly
@@ -136,9 +137,6 @@ contains
         self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
-        n_compared = 0
-        n_alike = 0
-        n_seen = 0
         do first = 1, size(pose, 2), lanes
             call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
@@ -152,18 +150,16 @@ contains
             end if
             do lane = 1, min(lanes, size(pose, 2) - first + 1)
                 if (failed(lane) .or. is_left(lane)) cycle
-                n_compared = n_compared + 1
-                if (are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane)) n_alike = n_alike + 1
-                if (sees_the_same(lane)) n_seen = n_seen + 1
+                call of_rates%note(are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane))
+                call of_looks%note(sees_the_same(lane))
             end do
         end do
         self%assembly = carried
         self%obstacle = obstacle
         self%turns = turns
         self%n_used = n_used
-        ! A defect shows everywhere; near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
-        sees = agrees .and. 2*n_seen > n_compared
+        agrees = of_rates%is_reached()
+        sees = agrees .and. of_looks%is_reached()
 
     contains
 

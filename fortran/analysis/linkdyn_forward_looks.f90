@@ -11,10 +11,10 @@ contains
     module procedure sees_end
         sees_end = self%looks%is_usable .and. self%is_by_record
         if (.not. sees_end) return
-        sees_end = is_seen(self%looks, self%t_tried(1), self%y_tried(1, :))
+        sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
         if (sees_end) return
-        call see_end(self%t_tried(1), self%y_tried(1, :), self%workspace%acceleration(1, :), self%record, self%looks)
-        sees_end = is_seen(self%looks, self%t_tried(1), self%y_tried(1, :))
+        call see_end(self%t_tried, self%y_tried, self%workspace%acceleration(1, :), self%record, self%looks)
+        sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
     end procedure sees_end
 
     !> Energies, less what was supplied, of the state evaluated last and of its neighbours.
@@ -22,7 +22,7 @@ contains
         real(wp), dimension(size(state, 2)) :: energy, kinetic
 
         are_seen = self%looks%is_usable .and. self%is_by_record
-        if (are_seen) are_seen = t == self%t_tried(1) .and. all(state(:, 1) == self%y_tried(1, :))
+        if (are_seen) are_seen = t == self%t_tried .and. all(state(:, 1) == self%y_tried)
         if (.not. are_seen) return
         call see_energies(self%model, self%layout, t, state, self%turns, self%assembly, self%workspace%acceleration(1, :), &
                           self%record, self%looks, energy, kinetic, are_seen)
@@ -39,7 +39,7 @@ contains
         if (.not. is_done) return
         is_done = is_seen(self%looks, t(1), y(1, :))
         if (.not. is_done .and. self%is_by_record) then
-            if (t(1) == self%t_tried(1) .and. all(y(1, :) == self%y_tried(1, :))) is_done = sees_end(self)
+            if (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried)) is_done = sees_end(self)
         end if
         if (.not. is_done) return
         associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)

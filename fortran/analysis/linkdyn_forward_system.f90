@@ -103,8 +103,8 @@ module linkdyn_forward_system
         type(law_sight) :: sight                       !! what laws do within steps
         logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
                                                        !! is; it is here:
-        real(wp), private :: t_tried(lanes) = 0        !! [s]
-        real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
+        real(wp), private :: t_tried = 0               !! [s]
+        real(wp), allocatable, private :: y_tried(:)   !! of lane 1 (n)
         logical, private :: is_behind = .false.        !! it is not in the workspace
     contains
         procedure :: evaluate => evaluate_forward
@@ -560,8 +560,8 @@ contains
             self%watch%is_compared = .false.
             self%is_by_record = .true.
             self%is_behind = .true.
-            self%t_tried = t
-            self%y_tried = y
+            self%t_tried = t(1)
+            self%y_tried = y(1, :)
         end if
     end subroutine evaluate_forward
 

@@ -102,13 +102,15 @@ contains
         end if
     end subroutine compare_there
 
-    !> Motion of the state evaluated last in the workspace.
+    !> Motion of the state evaluated last in the workspace: of a run's one solution, on all lanes.
     subroutine catch_up(self)
         class(forward_system), intent(inout) :: self
+        real(wp) :: t(lanes)
 
         if (.not. self%is_behind) return
-        call unpack_state(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%workspace%state)
-        call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
+        t = self%t_tried
+        call unpack_state(self%model, self%layout, t, spread(self%y_tried, 1, lanes), self%turns, self%workspace%state)
+        call evaluate_assembled(self%model, t, self%assembly, self%workspace%state)
         self%held%is_measured = .false.
         self%is_behind = .false.
     end subroutine catch_up

@@ -4,6 +4,7 @@
 !> behind transmissions that lose some of them always come from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
         stand_there
     use linkdyn_equation_kernels, only: kernel_family
@@ -12,7 +13,6 @@ module linkdyn_motion_forces
     use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
         place_states, close_states, may_change_assembly, keep_stages, is_led_there, accept_recorded
     use linkdyn_forward_state, only: state_layout, plan_layout
-    use linkdyn_inverse, only: are_alike
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -280,12 +280,11 @@ contains
         type(motion_forces), intent(inout) :: forces
         type(carried_assembly) :: carried
         real(wp) :: by_record(lanes, size(forces%force, 2))
-        integer :: first, lane, n_compared, n_alike
+        type(agreement) :: of_both
+        integer :: first, lane
 
         carried = forces%assembly
         call begin_assembly(forces%model, t, forces%assembly)
-        n_compared = 0
-        n_alike = 0
         associate (model => forces%model, state => forces%workspace%state)
             do first = 1, size(pose, 2), lanes
                 call set_in_motion(pose, first, state%q, state%qd, state%qdd)
@@ -298,15 +297,13 @@ contains
                 call run_motion(spread(t, 1, lanes), lanes, forces, by_record)
                 do lane = 1, min(lanes, size(pose, 2) - first + 1)
                     if (forces%status(lane) /= sample_ok .or. forces%record%samples%is_left(lane)) cycle
-                    n_compared = n_compared + 1
-                    if (are_alike(forces%force(lane, :), by_record(lane, :))) n_alike = n_alike + 1
+                    call of_both%note(are_alike(forces%force(lane, :), by_record(lane, :)))
                 end do
             end do
         end associate
         forces%assembly = carried
         call forget_forces(forces)
-        ! A defect shows everywhere; near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+        agrees = of_both%is_reached()
     end function agrees_with_lanes
 
     subroutine find_by_record(t, n, forces, force, serves)

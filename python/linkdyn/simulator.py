@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
@@ -199,7 +200,8 @@ class Simulator:
 
     def _hold(self, force: ArrayLike) -> None:
         given = np.asarray(force, dtype=float)
-        if given.shape != (self._size,) or not np.isfinite(given).all():
+        # an infinite one is no force, and whether there is one the square tells sooner than a look at each
+        if given.shape != (self._size,) or not math.isfinite(given.dot(given)):
             given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
         self._force[: self._size] = given
 
