@@ -14,7 +14,7 @@ enum { NEVER = INT_MAX, MOST_REGISTERS = 32, NO_REGISTER = -1 };
 
 struct code {
     struct emitter *emitter;
-    long columns;
+    int width;                  /* samples of a column */
     code_function entry[];      /* (group) */
 };
 
@@ -353,7 +353,7 @@ static struct code *encode(const struct allocation *a, const size_t *end, enum c
         free(offset);
         return NULL;
     }
-    code->columns = lanes/linkdyn_emit_width(set);
+    code->width = linkdyn_emit_width(set);
     size_t k = 0;
     for (int g = 0; g < n_group; g++) {
         offset[g] = linkdyn_emit_begin(code->emitter);
@@ -398,7 +398,7 @@ void linkdyn_free_code(struct code *code)
     free(code);
 }
 
-void linkdyn_run_code(const struct code *code, int group, double *slot, const double *constant)
+void linkdyn_run_code(const struct code *code, int group, double *slot, const double *constant, int count)
 {
-    code->entry[group](slot, constant, code->columns);
+    code->entry[group](slot, constant, (count + code->width - 1)/code->width);
 }

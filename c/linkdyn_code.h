@@ -12,7 +12,7 @@ struct code *linkdyn_make_code(const struct lane_line *line, enum code_set set, 
                                char reason[EMIT_REASON]);
 void linkdyn_free_code(struct code *code);
 
-/* Run one group: all lanes of the slots. */
-void linkdyn_run_code(const struct code *code, int group, double *slot, const double *constant);
+/* Run one group: the columns that the first `count` lanes of the slots stand in. */
+void linkdyn_run_code(const struct code *code, int group, double *slot, const double *constant, int count);
 
 #endif

@@ -172,7 +172,7 @@ static double next_number(uint64_t *state)
 static int is_agreed(const struct packed *p, const struct code *code, int one)
 {
     static const double size[] = {1.0, 0.1, 10.0};
-    const long lanes = one ? 1 : machine()->lanes;
+    const int lanes = one ? 1 : machine()->lanes;
     double *slot = new_slots(p, lanes), *other = new_slots(p, lanes);
     int agreed = slot && other;
     uint64_t state = 1;
@@ -180,7 +180,7 @@ static int is_agreed(const struct packed *p, const struct code *code, int one)
         for (long i = 0; i < p->line.first_constant*lanes; i++) slot[i] = other[i] = size[draw]*next_number(&state);
         for (int g = 0, k = 0; g < p->line.n_group; g++) {
             interpret(p, one, g, slot);
-            linkdyn_run_code(code, g, other, p->constant);
+            linkdyn_run_code(code, g, other, p->constant, lanes);
             for (; k < p->line.output_end[g]; k++)
                 for (long l = 0; l < lanes; l++)
                     agreed = agreed && is_same(slot[p->line.output[k]*lanes + l], other[p->line.output[k]*lanes + l]);
@@ -238,16 +238,16 @@ double *linkdyn_make_slots(struct packed *p, int one)
 
 void linkdyn_free_slots(double *slot) { free(slot); }
 
-static void run(const struct packed *p, int one, int group, double *slot)
+static void run(const struct packed *p, int one, int group, double *slot, int count)
 {
     const struct code *code = __atomic_load_n(one ? &p->one : &p->block, __ATOMIC_ACQUIRE);
-    if (code) linkdyn_run_code(code, group, slot, p->constant);
+    if (code) linkdyn_run_code(code, group, slot, p->constant, count);
     else interpret(p, one, group, slot);
 }
 
-/* The steps of one group of outputs. */
-void linkdyn_run_lanes(const struct packed *p, int group, double *slot) { run(p, 0, group, slot); }
-void linkdyn_run_one(const struct packed *p, int group, double *slot) { run(p, 1, group, slot); }
+/* The steps of one group of outputs, for the first `count` lanes at least: a run has few. */
+void linkdyn_run_lanes(const struct packed *p, int group, double *slot, int count) { run(p, 0, group, slot, count); }
+void linkdyn_run_one(const struct packed *p, int group, double *slot) { run(p, 1, group, slot, 1); }
 
 /* Samples, each n numbers, to the slots from `first` on. */
 void linkdyn_gather(const double *source, long ld, int count, int n, double *slot, int first)

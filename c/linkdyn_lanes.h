@@ -73,7 +73,8 @@ struct lane_machine {
     void (*run_one16)(const struct instruction16 *step, double *slot, const double *constant);
     void (*run_one32)(const struct instruction32 *step, double *slot, const double *constant);
     struct lane_functions wide, one;          /* on a vector, on one number */
-    /* rows of samples to slots: sample i of the source at source + i ld; lanes beyond count repeat the last sample */
+    /* rows of samples to slots: sample i of the source at source + i ld; lanes beyond count that share a vector with one of these
+       repeat the last sample */
     void (*gather)(const double *source, long ld, int count, int n, double *slot);
     /* slots to rows of samples, with the sign of each; returns the lanes, one a bit, in which a number is not finite */
     uint64_t (*scatter)(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count);

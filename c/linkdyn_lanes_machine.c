@@ -317,7 +317,7 @@ static void spread(const double *source, int n, double *slot)
 static inline __attribute__((always_inline)) void gather_tiles(const double *source, long ld, int count, int n, double *slot)
 {
     const part p = part_of(n);
-    for (int lane = 0; lane < LANES; lane += TILE) {
+    for (int lane = 0; lane < count; lane += TILE) {
         row r[TILE];
         UNROLL for (int l = 0; l < TILE; l++) r[l] = load_part(source + smaller(lane + l, count - 1)*ld, p);
         turn_tile(r);

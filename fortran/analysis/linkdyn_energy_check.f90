@@ -9,7 +9,9 @@ module linkdyn_energy_check
     use linkdyn_model, only: model_type
     implicit none (type, external)
     private
-    public :: energy_check, weigh_energy, judge_steps, compare_surplus
+    public :: energy_check, weigh_energy, judge_steps, list_neighbours, find_surplus, compare_surplus
+
+    integer, parameter :: n_nudge = 3                  !! states a very little further on
 
     type :: energy_check
         private
@@ -28,15 +30,13 @@ module linkdyn_energy_check
 
 contains
 
-    !> Energy of the accepted state, whose motion is in `assembly%state`, and what the step that led there has made of it.
-    subroutine weigh_energy(model, assembly, supplied, check)
-        type(model_type), intent(in) :: model
-        type(carried_assembly), intent(in) :: assembly
+    !> Energy of the accepted state, and what the step that led there has made of it.
+    pure subroutine weigh_energy(energy, kinetic, supplied, check)
+        real(wp), intent(in) :: energy(lanes), kinetic(lanes)    !! of the motion there, and part of it [J]
         real(wp), intent(in) :: supplied(:)            !! so far [J] (lane)
         type(energy_check), intent(inout) :: check
-        real(wp), dimension(lanes) :: energy, kinetic, surplus
+        real(wp) :: surplus(lanes)
 
-        call energy_of_motion(model, assembly%state, energy, kinetic)
         surplus = energy - supplied
         check%gained = surplus - check%surplus
         check%moved = kinetic + check%kinetic + abs(supplied - check%supplied)
@@ -74,31 +74,33 @@ contains
         check%n_crossed = assembly%n_crossed
     end subroutine judge_steps
 
+    !> A state, and those by whose energies its own is judged: a very little further on, and each component in error alone.
+    pure function list_neighbours(y, nudge, error) result(state)
+        real(wp), intent(in) :: y(:)                   !! (n)
+        real(wp), intent(in) :: nudge(:), error(:)     !! (n)
+        real(wp) :: state(size(y), 0:n_nudge + size(y))
+        integer :: k
+
+        state = spread(y, 2, size(state, 2))
+        do k = 1, n_nudge
+            state(:, k) = y + (k - 2.5_wp)*nudge
+        end do
+        do k = 1, size(y)
+            state(k, n_nudge + k) = y(k) + error(k)
+        end do
+    end function list_neighbours
+
     !> Energy that is there but was not supplied, since the last accepted state, over what the errors allowed and rounding
     !> would make.
-    subroutine compare_surplus(model, layout, t, y, turns, nudge, error, assembly, check, part)
-        type(model_type), intent(in) :: model
-        type(state_layout), intent(in) :: layout
-        real(wp), intent(in) :: t, y(:)                !! [s], (n)
-        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
-        real(wp), intent(in) :: nudge(:), error(:)     !! (n)
-        type(carried_assembly), intent(inout) :: assembly
+    subroutine compare_surplus(surplus, scale, check, part)
+        real(wp), intent(in) :: surplus(0:)            !! of the state and its neighbours [J]
+        real(wp), intent(in) :: scale                  !! of what the first one is a difference of [J]
         type(energy_check), intent(inout) :: check
         real(wp), intent(out) :: part
         real(wp), parameter :: many = 10               !! errors in a row, of one sign
         real(wp), parameter :: rounding = 64           !! units in the last place that a sum over all links loses
-        integer, parameter :: n_nudge = 3
-        real(wp) :: changed(size(y), 0:n_nudge + size(y)), surplus(0:n_nudge + size(y)), scale, noise
-        integer :: k
+        real(wp) :: noise
 
-        changed = spread(y, 2, size(surplus))
-        do k = 1, n_nudge
-            changed(:, k) = y + (k - 2.5_wp)*nudge
-        end do
-        do k = 1, size(y)
-            changed(k, n_nudge + k) = y(k) + error(k)
-        end do
-        call find_surplus(model, layout, t, changed, turns, assembly, surplus, scale)
         ! coordinates that are driven are not nudged: where all are, only their rounding is there to be seen
         noise = max(maxval(abs(surplus(1:n_nudge) - surplus(0))), rounding*epsilon(1.0_wp)*scale)
         part = abs(surplus(0) - check%surplus(1)) &

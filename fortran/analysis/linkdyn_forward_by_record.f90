@@ -1,14 +1,18 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
-    use linkdyn_carried_assembly, only: branches_tried, stand_there
+    use linkdyn_agreement, only: agreement, are_alike
+    use linkdyn_carried_assembly, only: stand_there
+    use linkdyn_energy_balance, only: energy_of_motion
+    use linkdyn_forward_look, only: choose_looks, use_looks
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
-    use linkdyn_inverse, only: are_alike
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_lock, only: hold_records, release_records
+    use linkdyn_look_program, only: look_choice
     use linkdyn_motion_forces, only: record_motion_forces, is_motion_of
     use linkdyn_motor_states, only: drive_record_by_motors
+    use linkdyn_recorded_rates, only: run_looks
     use linkdyn_representatives, only: representative_poses, set_in_motion
     use linkdyn_shared_programs, only: shared_programs, hold_programs
     use linkdyn_stage_places, only: forget_stages
@@ -19,23 +23,33 @@ contains
     !> Use the mechanism's record from now on, if it has one that finds what the lanes find. Whoever comes first makes it: the others
     !> wait.
     module procedure make_record
+        type(look_choice) :: choice
+
         call hold_records()
         if (.not. associated(self%shared)) call hold_programs(self%shared)
         associate (shared => self%shared)
             if (.not. associated(shared%rates)) then
                 allocate (shared%rates)
-                call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
-                                        shared%rates)
+                if (self%assembly%is_needed) then
+                    call choose_looks(self%model, self%equations%unknown%acceleration, choice)
+                    call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
+                                            shared%rates, choice)
+                else
+                    call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
+                                            shared%rates)
+                end if
                 call use_forward_rates(self%model, shared%rates, self%record)
-                if (shared%rates%is_usable) shared%agrees = agrees_with_lanes(self, t, shared%poses%q)
+                if (shared%rates%is_usable) call compare_with_lanes(self, t, shared%poses%q, shared%agrees, shared%sees)
                 call forget_stages(self%record%stage)
             else
                 call use_forward_rates(self%model, shared%rates, self%record)
             end if
             self%may_record = shared%agrees
+            if (self%may_record .and. shared%sees) call use_looks(self%model, shared%rates, self%looks)
             if (self%may_record) call record_motion(self, t, shared)
         end associate
         call release_records()
+        self%n_before_record = min(self%n_before_record, self%n_accepted*self%evaluations_a_step)
         if (self%may_record) call help_lanes(self)
     end procedure make_record
 
@@ -63,16 +77,14 @@ contains
 
     !> dy/dt of the lanes used; the others are like the last of these.
     module procedure evaluate_by_record
-        real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator), counted(lanes, self%model%n_q)
         integer :: given_status(lanes), lane, n
         logical :: has_motor_laws, changes_efforts
 
         n = self%n_used
         has_motor_laws = motors_have_laws(self%model)
-        call self%find_given_forces(t, inverse_force, given_status)
-        branch = branches_tried(self%model, self%assembly)
+        call self%find_given_forces(t, self%record%given_force, given_status)
         associate (samples => self%record%samples)
-            call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
+            call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. given_status(:n) /= sample_ok
             call close_states(self%model, self%assembly, n, self%record)
@@ -81,8 +93,8 @@ contains
             if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
             if (has_motor_laws) &
                 call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
-            call run_states(n, self%record, self%workspace%acceleration, counted, rate(:, self%layout%work), &
-                            rate(:, self%layout%supplied), laws_are_there=changes_efforts)
+            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied), &
+                            laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
                 do lane = 1, n
                     samples%is_left(lane) = samples%is_left(lane) &
@@ -90,9 +102,10 @@ contains
                 end do
                 call keep_stages(self%assembly, n, self%record)
             end if
-            is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
+            is_left(:n) = samples%is_left(:n)
+            is_left(n + 1:) = is_left(n)
         end associate
-        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, counted, rate)
+        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%record%counted, rate)
         call pack_control_rates(self%layout, self%control, rate)
         call pack_current_rates(self%layout, self%n_used, self%motors, rate)
         if (self%may_jump) &
@@ -101,16 +114,20 @@ contains
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.
-    logical function agrees_with_lanes(self, t, pose) result(agrees)
+    subroutine compare_with_lanes(self, t, pose, agrees, sees)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: pose(:, :)             !! representative ones (n_q, n)
+        logical, intent(out) :: agrees                 !! on the rates
+        logical, intent(out) :: sees                   !! and on what is seen of the ends of steps
         type(carried_assembly) :: carried
         real(wp), dimension(lanes, self%n) :: y, by_lanes, by_record
         real(wp), dimension(lanes, self%model%n_q) :: q, qd
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
-        integer :: obstacle(lanes), first, lane, n_used, n_compared, n_alike
+        real(wp), dimension(lanes) :: energy, kinetic
+        type(agreement) :: of_rates, of_looks
+        integer :: obstacle(lanes), first, lane, n_used
         logical :: failed(lanes), is_left(lanes)
 
         carried = self%assembly
@@ -120,8 +137,6 @@ contains
         self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
-        n_compared = 0
-        n_alike = 0
         do first = 1, size(pose, 2), lanes
             call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
@@ -129,18 +144,22 @@ contains
             if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
             if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%assembly)
             call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
+            if (self%record%recorded%looks%is_made) then
+                call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
+                call run_looks(self%record%recorded, lanes, self%record%samples)
+            end if
             do lane = 1, min(lanes, size(pose, 2) - first + 1)
                 if (failed(lane) .or. is_left(lane)) cycle
-                n_compared = n_compared + 1
-                if (are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane)) n_alike = n_alike + 1
+                call of_rates%note(are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane))
+                call of_looks%note(sees_the_same(lane))
             end do
         end do
         self%assembly = carried
         self%obstacle = obstacle
         self%turns = turns
         self%n_used = n_used
-        ! A defect shows everywhere; near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+        agrees = of_rates%is_reached()
+        sees = agrees .and. of_looks%is_reached()
 
     contains
 
@@ -155,5 +174,17 @@ contains
                                    .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, found(out%drift:out%drift + n - 1)])
             end associate
         end function has_same_margins
-    end function agrees_with_lanes
+
+        logical function sees_the_same(lane)
+            integer, intent(in) :: lane
+
+            sees_the_same = self%record%recorded%looks%is_made
+            if (.not. sees_the_same) return
+            associate (seen => self%record%samples%seen(:, lane), out => self%record%recorded%look, n => self%model%n_branch)
+                sees_the_same = are_alike([kinetic(lane), energy(lane)], [seen(out%kinetic), seen(out%energy)]) &
+                                .and. are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, seen(out%margin:out%margin + n - 1)]) &
+                                .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, seen(out%drift:out%drift + n - 1)])
+            end associate
+        end function sees_the_same
+    end subroutine compare_with_lanes
 end submodule linkdyn_forward_by_record

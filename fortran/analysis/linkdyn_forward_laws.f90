@@ -3,7 +3,6 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_cam_contact, only: asked_of_curve
     use linkdyn_cam_sight, only: find_part_of_cams
-    use linkdyn_carried_assembly, only: branches_tried
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
     use linkdyn_law_sight, only: find_part_in_sight, find_part_of_splines, well_within
@@ -122,12 +121,10 @@ contains
         real(wp), intent(in) :: y(:, :)                !! (lane, n)
         real(wp), intent(inout) :: measure(:, :)       !! (lane, measure)
         logical, intent(out) :: serves
-        real(wp) :: branch(lanes, self%model%n_branch), no_force(lanes, self%model%n_actuator)
 
-        no_force = 0
-        branch = branches_tried(self%model, self%assembly)
+        self%is_by_record = .false.                    ! whose samples are others now
         associate (samples => self%record%samples)
-            call place_states(self%model, self%layout, lanes, t, y, self%turns, branch, self%by_inverse, no_force, self%record)
+            call place_states(self%model, self%layout, self%assembly, lanes, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, lanes, self%touches(), self%record)
             call close_states(self%model, self%assembly, lanes, self%record)
             serves = .not. any(samples%is_left)

@@ -2,7 +2,7 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt, secant
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, leaves_doubt, secant, take_branches
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
@@ -17,8 +17,9 @@ module linkdyn_forward_record
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
     use linkdyn_led_groups, only: lead_places
+    use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, step_pose, gives_attitude, place_size
+    use linkdyn_model, only: model_type, step_pose, gives_attitude, link_freedom, place_size
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
@@ -34,8 +35,8 @@ module linkdyn_forward_record
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
-    public :: place_states, place_touches, close_states, run_states, may_change_assembly, keep_stages, apply_record_laws, &
-        settle_record_losses
+    public :: place_states, place_touches, close_states, close_near, run_states, may_change_assembly, keep_stages, &
+        apply_record_laws, settle_record_losses, is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -43,6 +44,9 @@ module linkdyn_forward_record
         type(rate_samples) :: samples
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
+        real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
+        real(wp), allocatable :: counted(:, :)         !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
+        real(wp), allocatable, private :: law(:, :)    !! what drives' laws give at an instant, and their rates (2, n_actuator)
         integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
                                                        !! 0: none (n_actuator)
         integer, allocatable, private :: measured(:)   !! coordinate that a measure is: its turns are told apart; 0: none (measure)
@@ -86,13 +90,14 @@ contains
     end function evaluations_on_lanes
 
     !> Trace the scene; ask `recorded%is_usable` whether that has served.
-    subroutine make_forward_rates(model, layout, unknown, wants_power, poses, recorded)
+    subroutine make_forward_rates(model, layout, unknown, wants_power, poses, recorded, choice)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         type(unknown_choice), intent(in) :: unknown
         logical, intent(in) :: wants_power             !! else powers are zero
         type(representative_poses), intent(inout) :: poses
         type(recorded_rates), intent(out) :: recorded
+        type(look_choice), intent(in), optional :: choice      !! what steps are judged by; absent: nobody looks
         type(trace_request) :: request
 
         if (.not. can_be_recorded(model, layout)) return
@@ -105,7 +110,7 @@ contains
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
         call record_rates(model, request, wants_power, representatives(model, layout, poses%q, poses%assembly), &
-                          poses%stand, recorded)
+                          poses%stand, recorded, choice)
         if (recorded%is_usable .and. places_groups(recorded)) then
             ! from coordinates alone
             associate (n => size(poses%q, 2), there => poses%assembly)
@@ -123,6 +128,13 @@ contains
 
         places_groups = size(recorded%model%group) > 0
     end function places_groups
+
+    !> Was the state that the record was run on first last led to, step by step?
+    pure logical function is_led_there(record)
+        type(forward_record), intent(in) :: record
+
+        is_led_there = places_groups(record%recorded) .and. record%is_led(1)
+    end function is_led_there
 
     !> Use a record of the scene from now on.
     subroutine use_forward_rates(model, recorded, record)
@@ -174,7 +186,8 @@ contains
         call make_rate_samples(record%recorded, lanes, record%samples)
         allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
         if (places_groups(record%recorded)) call prepare_stage_places(model, record%stage)
-        allocate (record%followed(model%n_actuator), record%is_sprung(model%n_q))
+        allocate (record%followed(model%n_actuator), record%law(2, model%n_actuator), record%is_sprung(model%n_q))
+        allocate (record%given_force(lanes, model%n_actuator), record%counted(lanes, model%n_q), source=0.0_wp)
         record%followed = 0
         record%is_sprung = .false.
         do i = 1, model%n_actuator
@@ -213,21 +226,21 @@ contains
     end subroutine prepare_samples
 
     !> The first n states as samples of the record.
-    subroutine place_states(model, layout, n, t, y, turns, branch, by_inverse, inverse_force, record)
+    subroutine place_states(model, layout, assembly, n, t, y, turns, by_inverse, record)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
         real(wp), intent(in) :: t(lanes)               !! [s]
         real(wp), intent(in) :: y(:, :)                !! (lane, n)
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
-        real(wp), intent(in) :: branch(:, :)           !! (lane, n_branch)
-        logical, intent(in) :: by_inverse(:)           !! (n_actuator)
-        real(wp), intent(in) :: inverse_force(:, :)    !! of these (lane, n_actuator)
+        logical, intent(in) :: by_inverse(:)           !! `record%given_force` has their forces (n_actuator)
         type(forward_record), intent(inout) :: record
-        real(wp) :: law(2, model%n_actuator), rate2, load(6, model%n_load, 1)
+        real(wp), pointer, contiguous :: load(:, :, :)
+        real(wp) :: rate2
         integer :: lane, i, k, p
 
-        associate (samples => record%samples)
+        associate (samples => record%samples, law => record%law)
             do lane = 1, n
                 ! what is no number must not pass through a choice of the record
                 samples%is_left(lane) = .not. sum(abs(y(lane, :))) <= huge(1.0_wp)
@@ -259,9 +272,9 @@ contains
                     k = record%followed(i)
                     if (k > 0) samples%target(2*i - 1, lane) = law(1, i) - turns_of(k)
                     samples%effort(i, lane) = law(1, i)
-                    if (by_inverse(i)) samples%effort(i, lane) = inverse_force(lane, i)
+                    if (by_inverse(i)) samples%effort(i, lane) = record%given_force(lane, i)
                 end do
-                samples%branch(:, lane) = branch(lane, :)
+                call take_branches(model, assembly, lane, samples%branch(:, lane))
                 samples%t(lane) = t(lane)
                 do i = 1, size(record%measured)
                     samples%turned(i, lane) = 0
@@ -274,9 +287,9 @@ contains
 
         !> What depends on time alone.
         subroutine look_at_laws()
-            law = 0
+            record%law = 0
             do i = 1, model%n_actuator
-                associate (drive => model%scene%actuator(i)%drive)
+                associate (drive => model%scene%actuator(i)%drive, law => record%law)
                     if (drive%kind == drive_constant) then
                         law(1, i) = drive%value(1)     ! of a motor, else nobody asks
                     else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
@@ -292,8 +305,8 @@ contains
             if (model%scene%base%moves) call evaluate_base(model, t(lane:lane), record%samples%base(:, lane:lane))
             if (size(model%payload) > 0) call evaluate_payloads(model, t(lane:lane), record%samples%payload(:, lane:lane))
             if (model%n_load == 0) return
+            load(1:6, 1:model%n_load, 1:1) => record%samples%load(:, lane)
             call evaluate_loads(model, t(lane:lane), load)
-            record%samples%load(:, lane) = reshape(load, [6*model%n_load])
         end subroutine look_at_laws
 
         !> Those of the state before, at the same instant.
@@ -339,12 +352,20 @@ contains
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
+
+        if (places_groups(record%recorded)) call close_groups(model, assembly, n, record)
+    end subroutine close_states
+
+    subroutine close_groups(model, assembly, n, record)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
         real(wp), dimension(place_size(model), model%n_link, n) :: stand, place
         real(wp) :: from(model%n_q, n)
         logical, dimension(n) :: is_closed, arrives
         integer :: lane, g
 
-        if (.not. places_groups(record%recorded)) return
         associate (samples => record%samples, closing => record%recorded%closing)
             do lane = 1, n
                 call predict_stage(model, assembly, record%stage, lane, samples%q(:, lane), from(:, lane), stand(:, :, lane), &
@@ -367,7 +388,36 @@ contains
             end do
             samples%is_left(:n) = .not. is_closed
         end associate
-    end subroutine close_states
+    end subroutine close_groups
+
+    !> The same at states that lie very near to one that has been evaluated: from there.
+    subroutine close_near(model, evaluated, n, record)
+        type(model_type), intent(in) :: model
+        type(forward_record), intent(in) :: evaluated  !! its first sample
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
+        real(wp) :: place(place_size(model), model%n_link, n)
+        logical :: is_closed(n)
+        integer :: lane, g
+
+        if (.not. places_groups(record%recorded)) return
+        associate (samples => record%samples)
+            do lane = 1, n
+                place(:, :, lane) = reshape(evaluated%samples%place(:, 1), [size(place, 1), size(place, 2)])
+            end do
+            is_closed = .not. samples%is_left(:n)
+            call close_places(model, record%recorded%closing, samples%q(:, :n), samples%branch(:, :n), place, &
+                              samples%group_margin(:, :n), is_closed)
+            do lane = 1, n
+                samples%place(:, lane) = reshape(place(:, :, lane), [size(samples%place, 1)])
+                do g = 1, size(model%group)
+                    is_closed(lane) = is_closed(lane) .and. is_surely_certain(samples%group_margin(g, lane), &
+                                                                              size(model%group(g)%unit))
+                end do
+            end do
+            samples%is_left(:n) = .not. is_closed
+        end associate
+    end subroutine close_near
 
     !> The first n states have been looked at: the next ones set out from those that the record serves.
     subroutine keep_stages(assembly, n, record)
@@ -410,6 +460,66 @@ contains
         end associate
     end function may_change_assembly
 
+    !> Go on from the first sample, an accepted state that leaves no doubt that it is on the accepted assembly: one for all lanes.
+    !> `assembly%state` holds its coordinates.
+    subroutine accept_recorded(model, t, margin, drift, record, assembly, is_done)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: margin(:), drift(:)    !! of the closed forms there (n_branch)
+        type(forward_record), intent(in) :: record
+        type(carried_assembly), intent(inout) :: assembly
+        logical, intent(out) :: is_done                !! false: the record is not sure of it
+        real(wp) :: place(place_size(model), model%n_link), column(link_freedom(model), model%n_link, model%n_q)
+
+        place = 0
+        is_done = size(record%recorded%model%group) == size(model%group)
+        if (is_done .and. places_groups(record%recorded)) then
+            place = reshape(record%samples%place(:, 1), shape(place))
+            call find_columns(model, record, place, column, is_done)
+        end if
+        if (.not. is_done) return
+        call accept_seen(model, t, spread(.true., 1, lanes), [margin, record%samples%group_margin(:, 1)], drift, place, column, &
+                         assembly)
+    end subroutine accept_recorded
+
+    !> How the groups' links move with each coordinate alone in the first sample.
+    subroutine find_columns(model, record, place, column, are_sure)
+        type(model_type), intent(in) :: model
+        type(forward_record), intent(in) :: record
+        real(wp), intent(in) :: place(:, :)            !! there (place_size, n_link)
+        real(wp), intent(out) :: column(:, :, :)       !! (link_freedom, n_link, n_q)
+        logical, intent(out) :: are_sure
+        real(wp), dimension(model%n_q, model%n_q) :: q, unit
+        real(wp) :: there(size(place, 1), size(place, 2), model%n_q)
+        integer :: g, k
+
+        are_sure = .true.
+        q = spread(record%samples%q(:, 1), 2, model%n_q)
+        there = spread(place, 3, model%n_q)
+        unit = 0
+        do k = 1, model%n_q
+            unit(k, k) = 1
+        end do
+        do g = 1, size(model%group)
+            call take_group(size(model%group(g)%unit))
+        end do
+
+    contains
+
+        subroutine take_group(n_row)
+            integer, intent(in) :: n_row
+            real(wp) :: rate(n_row, model%n_q), margin(model%n_q)
+            logical :: is_sure(model%n_q)
+
+            associate (link => model%group(g)%link)
+                call record%recorded%closing%make_steps(g, q, unit, record%samples%branch(:, 1:1), there, margin, is_sure, &
+                                                        rate=rate)
+                are_sure = are_sure .and. all(is_sure)
+                column(:, link, :) = reshape(rate, [size(column, 1), size(link), model%n_q])
+            end associate
+        end subroutine take_group
+    end subroutine find_columns
+
     !> Values of laws over the state where the record takes them; driving forces are then what laws give.
     subroutine apply_record_laws(n, record)
         integer, intent(in) :: n
@@ -430,26 +540,33 @@ contains
     end subroutine settle_record_losses
 
     !> Run the first n states; asks `samples%is_left` which do not count.
-    subroutine run_states(n, record, acceleration, counted, work, supplied, laws_are_there)
+    subroutine run_states(n, record, acceleration, work, supplied, laws_are_there)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
         logical, intent(in) :: laws_are_there                  !! `apply_record_laws` has been called
         real(wp), intent(inout) :: acceleration(:, :)          !! (lane, n_q); lanes beyond n are like lane n
-        real(wp), intent(out) :: counted(:, :)                 !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
         real(wp), intent(out), dimension(lanes) :: work, supplied    !! powers [W]
         type(rate_outputs) :: out
-        integer :: k, lane(lanes)
+        integer :: k
 
         out = record%recorded%out
         call run_rates(record%recorded, n, record%samples, laws_are_there)
-        lane = [(min(k, n), k=1, lanes)]
-        associate (found => record%samples%found)
-            do k = 1, size(acceleration, 2)
-                acceleration(:, k) = found(out%acceleration + k - 1, lane)
-                counted(:, k) = found(out%counted + k - 1, lane)
-            end do
-            work = found(out%work, lane)
-            supplied = found(out%supplied, lane)
-        end associate
+        do k = 1, size(acceleration, 2)
+            call take(out%acceleration + k - 1, acceleration(:, k))
+            call take(out%counted + k - 1, record%counted(:, k))
+        end do
+        call take(out%work, work)
+        call take(out%supplied, supplied)
+
+    contains
+
+        !> A number that was found.
+        subroutine take(number, x)
+            integer, intent(in) :: number
+            real(wp), intent(inout) :: x(lanes)
+
+            x(:n) = record%samples%found(number, :n)
+            x(n + 1:) = x(n)
+        end subroutine take
     end subroutine run_states
 end module linkdyn_forward_record

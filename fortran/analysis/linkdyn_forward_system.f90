@@ -12,24 +12,26 @@
 !> gfortran 12 keeps procedures of this file that are not public to itself: what submodules call is bound to the type, or has its body in
 !> one of them.
 module linkdyn_forward_system
-    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, note_start
+    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, measure_rates, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
-    use linkdyn_controllers, only: begin_controllers
+    use linkdyn_controllers, only: controllers_type, begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
     use linkdyn_drive_laws, only: compares_motion
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
-    use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
+    use linkdyn_energy_balance, only: energy_of_motion
+    use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
         follow_angles, looks_for_angles, follow_within, angles_at
+    use linkdyn_forward_look, only: forward_look, free_looks
     use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
@@ -55,7 +57,7 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, build_forward_system
+    public :: forward_system, forward_memory, build_forward_system
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -96,13 +98,16 @@ module linkdyn_forward_system
         integer :: n_before_record = 0                 !! evaluations on lanes before that
         type(shared_programs), pointer :: shared => null()    !! held; null: nobody has given or needed any
         type(forward_record) :: record
+        type(forward_look) :: looks           !! at the ends of steps
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
         type(law_sight) :: sight                       !! what laws do within steps
         type(cam_sight), allocatable :: of_cams(:)     !! and the outlines of cams
-        logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
-        real(wp), private :: t_tried(lanes) = 0        !! [s]
-        real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
+        logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
+                                                       !! is; it is here:
+        real(wp), private :: t_tried = 0               !! [s]
+        real(wp), allocatable, private :: y_tried(:)   !! of lane 1 (n)
+        logical, private :: is_behind = .false.        !! it is not in the workspace
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: evaluate_on_lanes
@@ -133,9 +138,36 @@ module linkdyn_forward_system
         procedure, private :: look_closely
         procedure, private :: has_record_now
         procedure, private :: find_given_forces
+        procedure :: remember
+        procedure :: recall
         procedure :: release
         procedure :: renew
     end type forward_system
+
+    !> What a system remembers of its way.
+    type :: forward_memory
+        private
+        logical :: wants_rest = .false.
+        real(wp), allocatable :: turns(:, :)
+        integer :: n_jump = 0
+        real(wp) :: mode(lanes) = 0
+        real(wp), allocatable :: guard_side(:, :), guard_scale(:, :)
+        logical, allocatable :: guard_is_fresh(:, :)
+        type(stop_states) :: stops
+        type(clutch_states) :: clutch
+        type(followed_angles) :: angles
+        type(carried_assembly) :: assembly, of_motion
+        type(controllers_type) :: control
+        type(motor_states) :: motors
+        type(energy_check) :: energy
+        type(bounce_watch) :: bounce
+        integer :: obstacle(lanes) = sample_ok, final_event(lanes) = 0
+        logical :: is_driven_through(lanes) = .false.
+        type(event_log) :: log
+        type(law_sight) :: sight
+        integer :: n_accepted = 0, n_before_record = 0
+        real(wp), allocatable :: given_force(:)
+    end type forward_memory
 
     ! How is said in the submodules. Instants t in s, states y (lane, n).
     interface
@@ -153,6 +185,47 @@ module linkdyn_forward_system
             real(wp), intent(out) :: rate(:, :)
             logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         end subroutine evaluate_by_record
+
+        ! ---- linkdyn_forward_memory
+        module subroutine remember(self, memory)
+            class(forward_system), intent(in) :: self
+            type(forward_memory), intent(out) :: memory
+        end subroutine remember
+
+        module subroutine recall(self, memory)
+            class(forward_system), intent(inout) :: self
+            type(forward_memory), intent(in) :: memory     !! of this system, or another one of the same model
+        end subroutine recall
+
+        ! ---- linkdyn_forward_looks
+        module logical function sees_end(self)
+            class(forward_system), intent(inout) :: self
+        end function sees_end
+
+        module subroutine see_surplus(self, t, state, surplus, scale, are_seen)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t, state(:, :)         !! [s], (n, state)
+            real(wp), intent(out) :: surplus(:)            !! [J] (state)
+            real(wp), intent(out) :: scale                 !! of what the first one is a difference of [J]
+            logical, intent(out) :: are_seen               !! else the rest is nothing
+        end subroutine see_surplus
+
+        module logical function accept_by_look(self, t, y, is_accepted) result(is_done)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+            logical, intent(in) :: is_accepted(lanes)
+        end function accept_by_look
+
+        module function seen_motion(self, is_acceleration) result(motion)
+            class(forward_system), intent(in) :: self
+            logical, intent(in) :: is_acceleration         !! else rates
+            real(wp) :: motion(3, size(self%bounce%joint) + size(self%bounce%link))    ! [rad/s, m/s; /s]
+        end function seen_motion
+
+        module subroutine compare_seen(self)
+            class(forward_system), intent(inout) :: self
+        end subroutine compare_seen
 
         ! ---- linkdyn_forward_control
         !> The next instant at which a controller takes a sample, or one takes effect; huge: none.
@@ -435,6 +508,7 @@ contains
             self%angles = other%angles
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
+        call free_looks(self%looks)
         call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
@@ -453,6 +527,7 @@ contains
         call free_motion_forces(self%of_motion)
         call free_control(self%control)
         call free_forward_record(self%record)
+        call free_looks(self%looks)
         call leave_programs(self%shared)
     end subroutine release
 
@@ -472,32 +547,44 @@ contains
         real(wp), intent(in) :: y(:, :)
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
-        real(wp) :: by_record(lanes, self%n)
         logical :: is_left(lanes)
-        integer :: k
 
         if (.not. self%has_record_now(t(1))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
-        call evaluate_by_record(self, t, y, by_record, is_left)
+        call evaluate_by_record(self, t, y, rate, is_left)
         if (any(is_left)) then
-            call self%evaluate_on_lanes(t, y, rate, failed)
-            where (.not. is_left) failed = .false.
-            do k = 1, self%n
-                where (.not. is_left) rate(:, k) = by_record(:, k)
-            end do
+            call evaluate_rest(self, t, y, is_left, rate, failed)
         else
-            rate = by_record
             failed = .false.
             self%n_by_record = self%n_by_record + 1
             self%workspace%status = sample_ok
             self%watch%is_compared = .false.
+            self%is_by_record = .true.
             self%is_behind = .true.
-            self%t_tried = t
-            self%y_tried = y
+            self%t_tried = t(1)
+            self%y_tried = y(1, :)
         end if
     end subroutine evaluate_forward
+
+    !> What the record has left, on lanes.
+    subroutine evaluate_rest(self, t, y, is_left, rate, failed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_left(lanes)
+        real(wp), intent(inout) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
+        real(wp) :: on_lanes(lanes, self%n)
+        integer :: k
+
+        call self%evaluate_on_lanes(t, y, on_lanes, failed)
+        failed = failed .and. is_left
+        do k = 1, self%n
+            where (is_left) rate(:, k) = on_lanes(:, k)
+        end do
+    end subroutine evaluate_rest
 
     !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold.
     logical function has_record_now(self, t) result(has_one)
@@ -506,10 +593,9 @@ contains
 
         has_one = .false.
         if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
-        if (self%may_record .and. .not. associated(self%record%recorded)) then
-            ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
-            if (self%n_accepted*self%evaluations_a_step >= self%n_before_record) call self%make_record(t)
-        end if
+        ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
+        if (self%n_accepted*self%evaluations_a_step < self%n_before_record) return
+        if (self%may_record .and. .not. associated(self%record%recorded)) call self%make_record(t)
         has_one = self%may_record .and. associated(self%record%recorded)
     end function has_record_now
 
@@ -522,6 +608,7 @@ contains
         logical, intent(out) :: failed(lanes)
 
         self%watch%is_compared = .false.
+        self%is_by_record = .false.
         self%is_behind = .false.
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
@@ -661,6 +748,8 @@ contains
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
+        real(wp), dimension(lanes) :: energy, kinetic
+        logical :: is_seen
 
         self%n_accepted = self%n_accepted + 1
         if (holds_anywhere(self%clutch)) then
@@ -670,14 +759,24 @@ contains
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         self%control%state%blind = 0
+        is_seen = .false.
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
-            call accept_assembly(self%model, t, is_accepted, self%assembly)
-            call weigh_energy(self%model, self%assembly, y(:, self%layout%supplied), self%energy)
+            is_seen = accept_by_look(self, t, y, is_accepted)
+            if (.not. is_seen) then
+                call accept_assembly(self%model, t, is_accepted, self%assembly)
+                call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
+                call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+            end if
         end if
-        if (self%bounce%is_on) call note_start(self%model, self%assembly%state, t(1), self%bounce)
+        if (self%bounce%is_on .and. is_seen) then
+            call note_start(t(1), seen_motion(self, is_acceleration=.false.), self%bounce)
+        else if (self%bounce%is_on) then
+            call note_start(t(1), measure_rates(self%model, self%assembly%state, self%bounce), self%bounce)
+        end if
         call accept_motion(t, is_accepted, self%of_motion)
-        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) call follow_turns(self, t, y, is_accepted)
+        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) &
+            call follow_turns(self, t, y, is_accepted, self%assembly%is_needed .and. .not. is_seen)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -690,14 +789,14 @@ contains
     end subroutine begin_chain_of_stages
 
     !> Angles have turned on the way to an accepted state.
-    subroutine follow_turns(self, t, y, is_accepted)
+    subroutine follow_turns(self, t, y, is_accepted, is_at_hand)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
+        logical, intent(in) :: is_at_hand              !! the state has just been computed on lanes
 
-        if (self%assembly%is_needed .and. .not. wraps_anywhere(self%angles)) then
-            ! where the state has just been computed
+        if (is_at_hand .and. .not. wraps_anywhere(self%angles)) then
             call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
             return
         end if
@@ -779,11 +878,17 @@ contains
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t, y(:)
         real(wp), intent(in) :: nudge(:), error(:)
-        real(wp) :: part
+        real(wp) :: part, scale
+        real(wp), allocatable :: state(:, :), surplus(:)
+        logical :: are_seen
 
         part = 0
         if (.not. (self%assembly%is_needed .and. self%wants_work)) return
-        call compare_surplus(self%model, self%layout, t, y, self%turns, nudge, error, self%assembly, self%energy, part)
+        state = list_neighbours(y, nudge, error)
+        allocate (surplus(size(state, 2)))
+        call see_surplus(self, t, state, surplus, scale, are_seen)
+        if (.not. are_seen) call find_surplus(self%model, self%layout, t, state, self%turns, self%assembly, surplus, scale)
+        call compare_surplus(surplus, scale, self%energy, part)
     end function broken_law
 
     !> Ways to the next states begin where these have their turns left out.

@@ -1,6 +1,6 @@
 !> Coordinates that come to dead points: when the caller has to do something about one, and which steps lead too far.
 submodule (linkdyn_forward_system) linkdyn_forward_watch
-    use linkdyn_bounce_watch, only: look_at_end, gains_of
+    use linkdyn_bounce_watch, only: measure_end, look_at_end, gains_of
     use linkdyn_coordinate_watch, only: compare_rates, note_rates, is_well_past, is_near_dead_point, dead_coordinate, largest_growth
     implicit none (type, external)
 
@@ -19,8 +19,7 @@ contains
         if (self%watch%is_compared) then
             self%watch%ratio = self%watch%ratio_tried
         else
-            call catch_up(self)
-            call compare_rates(self%model, self%workspace%state, self%watch)
+            call compare_there(self)
         end if
         if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
     end procedure watch_coordinates
@@ -40,15 +39,11 @@ contains
         real(wp), allocatable :: accepted(:, :)
 
         leads_too_far = .false.
-        if (self%bounce%is_on) then
-            call catch_up(self)
-            call look_at_end(self%model, self%workspace%state, t, self%workspace%acceleration(1, :), self%bounce, leads_too_far)
-            if (leads_too_far) return
-        end if
+        if (self%bounce%is_on) leads_too_far = bounces_there(self, t)
+        if (leads_too_far) return
         if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
         accepted = self%watch%ratio
-        call catch_up(self)
-        call compare_rates(self%model, self%workspace%state, self%watch)
+        call compare_there(self)
         leads_too_far = is_well_past(self%watch, accepted)
         self%watch%ratio_tried = self%watch%ratio
         self%watch%is_compared = .true.
@@ -79,13 +74,43 @@ contains
         if (any(now > largest_growth)) stalled = maxloc(now, 1)
     end procedure stalled_coordinate
 
-    !> Motion of the state evaluated last in the workspace.
-    subroutine catch_up(self)
+    !> Is the mechanism thrown back in the state evaluated last?
+    logical function bounces_there(self, t) result(bounces)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! of it [s]
+        real(wp), dimension(3, size(self%bounce%joint) + size(self%bounce%link)) :: rate, acceleration
+
+        if (sees_end(self)) then
+            rate = seen_motion(self, is_acceleration=.false.)
+            acceleration = seen_motion(self, is_acceleration=.true.)
+        else
+            call catch_up(self)
+            call measure_end(self%model, self%workspace%state, self%workspace%acceleration(1, :), self%bounce, rate, acceleration)
+        end if
+        call look_at_end(t, rate, acceleration, self%bounce, bounces)
+    end function bounces_there
+
+    !> Compare the rates in the state evaluated last.
+    subroutine compare_there(self)
         class(forward_system), intent(inout) :: self
 
+        if (sees_end(self)) then
+            call compare_seen(self)
+        else
+            call catch_up(self)
+            call compare_rates(self%model, self%workspace%state, self%watch)
+        end if
+    end subroutine compare_there
+
+    !> Motion of the state evaluated last in the workspace: of a run's one solution, on all lanes.
+    subroutine catch_up(self)
+        class(forward_system), intent(inout) :: self
+        real(wp) :: t(lanes)
+
         if (.not. self%is_behind) return
-        call unpack_state(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%workspace%state)
-        call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
+        t = self%t_tried
+        call unpack_state(self%model, self%layout, t, spread(self%y_tried, 1, lanes), self%turns, self%workspace%state)
+        call evaluate_assembled(self%model, t, self%assembly, self%workspace%state)
         self%held%is_measured = .false.
         self%is_behind = .false.
     end subroutine catch_up

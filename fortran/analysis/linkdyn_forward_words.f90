@@ -91,7 +91,8 @@ contains
             ! where runs end at change points, what turns back there does so for that
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
-        else if (run%system%bounce%is_ahead) then
+        else if (run%system%bounce%is_ahead .and. run%integrator%reason /= stop_pace) then
+            ! steps that would not come to the end meet bounces as well, where they are too long
             reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &

@@ -4,6 +4,7 @@
 !> arithmetic does not depend on which thread runs it, so the results do not either. A sample that fails is NaN.
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
+    use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
         reached_straight, judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
@@ -63,7 +64,7 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver, are_alike, look_for_record, samples_to_come
+    public :: solver_name, choose_solver, look_for_record, samples_to_come
 
     !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for the
     !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
@@ -844,7 +845,8 @@ contains
         type(inverse_results) :: found(2), balance
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
         integer, allocatable :: left(:)
-        integer :: i, k, n, n_left, n_compared, n_alike
+        type(agreement) :: of_both
+        integer :: i, k, n, n_left
         logical :: by_power
 
         n = size(pose, 2)
@@ -874,42 +876,37 @@ contains
             by_lanes%equations = solver%equations
             call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
         end if
-        n_compared = 0
-        n_alike = 0
         do i = 1, n
             if (found(1)%status(i) /= sample_ok) cycle
             if (n_left > 0) then
                 if (any(left == i)) cycle
             end if
-            n_compared = n_compared + 1
             if (by_power) then
-                if (abs(balance%power_imbalance(i)) <= least_accuracy) n_alike = n_alike + 1
-                cycle
+                call of_both%note(abs(balance%power_imbalance(i)) <= least_accuracy)
+            else
+                call of_both%note(has_same_forces(i))
             end if
-            if (associated(found(1)%driving_force)) then
-                if (.not. are_alike(found(1)%driving_force(:, i), found(2)%driving_force(:, i))) cycle
-            end if
-            if (associated(found(1)%reaction)) then
-                if (.not. are_alike([found(1)%reaction(:, :, i)], [found(2)%reaction(:, :, i)])) cycle
-            end if
-            n_alike = n_alike + 1
         end do
-        ! A defect shows everywhere; near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+        agrees = of_both%is_reached()
         do i = 1, 2
             deallocate (found(i)%status)
             if (associated(found(i)%driving_force)) deallocate (found(i)%driving_force)
             if (associated(found(i)%reaction)) deallocate (found(i)%reaction)
         end do
         if (by_power) deallocate (balance%status, balance%power_imbalance)
+
+    contains
+
+        logical function has_same_forces(i)
+            integer, intent(in) :: i                           !! sample
+
+            has_same_forces = .true.
+            if (associated(found(1)%driving_force)) &
+                has_same_forces = are_alike(found(1)%driving_force(:, i), found(2)%driving_force(:, i))
+            if (has_same_forces .and. associated(found(1)%reaction)) &
+                has_same_forces = are_alike([found(1)%reaction(:, :, i)], [found(2)%reaction(:, :, i)])
+        end function has_same_forces
     end function agrees_with_lanes
-
-    !> Equal but for rounding?
-    pure logical function are_alike(a, b)
-        real(wp), intent(in) :: a(:), b(:)
-
-        are_alike = maxval(abs(a - b)) <= least_accuracy*max(maxval(abs(a)), maxval(abs(b)), tiny(1.0_wp))
-    end function are_alike
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
     subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)

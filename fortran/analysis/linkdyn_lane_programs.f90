@@ -177,7 +177,7 @@ contains
                     if (slots%lanes == 1) then
                         call run_single(program, g, slots%block)
                     else
-                        call run_block(program, g, slots%block)
+                        call run_block(program, g, slots%block, n)
                     end if
                     do output = output, program%group_end(g)
                         call take_lanes(program, slots%block, output, n, space%found(first, output))

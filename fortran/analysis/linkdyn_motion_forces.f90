@@ -4,15 +4,15 @@
 !> behind transmissions that lose some of them always come from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly, &
-        stand_there, branches_tried
+        stand_there
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         free_equations, prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
-        place_states, close_states, may_change_assembly, keep_stages
+        place_states, close_states, may_change_assembly, keep_stages, is_led_there, accept_recorded
     use linkdyn_forward_state, only: state_layout, plan_layout
-    use linkdyn_inverse, only: are_alike
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -42,10 +42,11 @@ module linkdyn_motion_forces
         type(model_type), pointer, private :: model => null()  !! with the coordinates that the motion speaks of
         type(equations_type), private :: equations
         type(equation_workspace), private :: workspace
-        type(carried_assembly), private :: assembly
+        type(carried_assembly) :: assembly
         real(wp), private :: t(lanes) = -huge(1.0_wp)  !! instants of the forces found last [s]
         type(state_layout), private :: layout          !! nothing of the motion is integrated
         logical, private :: has_record = .false.
+        logical, private :: is_by_record = .false.     !! what was found last is the record's
         type(forward_record) :: record
         integer :: n_by_record = 0                     !! evaluations by the record alone
     end type motion_forces
@@ -119,10 +120,19 @@ contains
         logical, intent(in) :: is_accepted(lanes)
         type(motion_forces), intent(inout) :: forces
 
-        if (forces%assembly%is_needed) then
-            call unpack_motion(forces%model, t, forces%assembly%state)
-            call accept_assembly(forces%model, t, is_accepted, forces%assembly)
+        logical :: is_done
+
+        if (.not. forces%assembly%is_needed) return
+        call unpack_motion(forces%model, t, forces%assembly%state)
+        is_done = forces%is_by_record .and. all(is_accepted) .and. all(t == t(1) .and. t == forces%t)
+        if (is_done) is_done = .not. is_led_there(forces%record)
+        if (is_done) then
+            associate (found => forces%record%samples%found(:, 1), out => forces%record%recorded%out, n => forces%model%n_branch)
+                call accept_recorded(forces%model, t, found(out%margin:out%margin + n - 1), found(out%drift:out%drift + n - 1), &
+                                     forces%record, forces%assembly, is_done)
+            end associate
         end if
+        if (.not. is_done) call accept_assembly(forces%model, t, is_accepted, forces%assembly)
     end subroutine accept_motion
 
     !> What was found before has no part in what is found next.
@@ -152,6 +162,7 @@ contains
             call find_on_lanes(t, forces)
         end if
         forces%t = t
+        forces%is_by_record = serves
     end subroutine find_motion_forces
 
     subroutine find_on_lanes(t, forces)
@@ -269,12 +280,11 @@ contains
         type(motion_forces), intent(inout) :: forces
         type(carried_assembly) :: carried
         real(wp) :: by_record(lanes, size(forces%force, 2))
-        integer :: first, lane, n_compared, n_alike
+        type(agreement) :: of_both
+        integer :: first, lane
 
         carried = forces%assembly
         call begin_assembly(forces%model, t, forces%assembly)
-        n_compared = 0
-        n_alike = 0
         associate (model => forces%model, state => forces%workspace%state)
             do first = 1, size(pose, 2), lanes
                 call set_in_motion(pose, first, state%q, state%qd, state%qdd)
@@ -287,15 +297,13 @@ contains
                 call run_motion(spread(t, 1, lanes), lanes, forces, by_record)
                 do lane = 1, min(lanes, size(pose, 2) - first + 1)
                     if (forces%status(lane) /= sample_ok .or. forces%record%samples%is_left(lane)) cycle
-                    n_compared = n_compared + 1
-                    if (are_alike(forces%force(lane, :), by_record(lane, :))) n_alike = n_alike + 1
+                    call of_both%note(are_alike(forces%force(lane, :), by_record(lane, :)))
                 end do
             end do
         end associate
         forces%assembly = carried
         call forget_forces(forces)
-        ! A defect shows everywhere; near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+        agrees = of_both%is_reached()
     end function agrees_with_lanes
 
     subroutine find_by_record(t, n, forces, force, serves)
@@ -315,14 +323,11 @@ contains
         real(wp), intent(in) :: t(lanes)
         integer, intent(in) :: n
         type(motion_forces), intent(inout) :: forces
-        real(wp) :: nothing(lanes, forces%layout%n), no_force(lanes, forces%model%n_actuator)
-        real(wp) :: branch(lanes, forces%model%n_branch)
+        real(wp) :: nothing(lanes, forces%layout%n)
 
         nothing = 0
-        no_force = 0
-        branch = branches_tried(forces%model, forces%assembly)
-        call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(no_force, 2)), &
-                          no_force, forces%record)
+        call place_states(forces%model, forces%layout, forces%assembly, n, t, nothing, nothing, &
+                          spread(.false., 1, forces%model%n_actuator), forces%record)
     end subroutine place_motion
 
     !> Run the record on them; `samples%is_left` says where it does not serve.

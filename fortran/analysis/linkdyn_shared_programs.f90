@@ -14,6 +14,7 @@ module linkdyn_shared_programs
         type(recorded_rates), pointer :: rates => null()       !! null: nobody has needed them yet
         type(recorded_rates), pointer :: of_motion => null()   !! for the forces that the scene's motion asks for; null: the same
         logical :: agrees = .false.                            !! the rates are there, and are those that lanes find
+        logical :: sees = .false.                              !! and so is what is seen of the ends of steps
         type(representative_poses) :: poses                    !! of the mechanism
         type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
         integer, private :: n_holder = 0                       !! changed under the lock alone

@@ -7,8 +7,8 @@ module linkdyn_simulator
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
-    use linkdyn_forward_system, only: forward_system, build_forward_system
-    use linkdyn_integrator, only: integrator_type, integrator_options, stop_growth, stop_pace
+    use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
+    use linkdyn_integrator, only: integrator_type, integrator_options, recall_integrator, stop_growth, stop_pace
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -21,7 +21,7 @@ module linkdyn_simulator
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: simulator_type
+    public :: simulator_type, simulator_state
 
     type :: simulator_type
         type(model_type), pointer :: model => null()   !! of its own: no coordinate is led, every actuator does as it is told
@@ -34,8 +34,18 @@ module linkdyn_simulator
         real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
         type(kinematic_state), private :: scratch
     contains
-        procedure :: open, set, step, read, close
+        procedure :: open, set, step, read, keep, put_back, close
     end type simulator_type
+
+    !> Where a simulator has stood, with all that it remembered: going on from there once more takes the same steps.
+    type :: simulator_state
+        private
+        real(wp) :: t = 0                              !! [s]
+        real(wp), allocatable :: y(:, :)               !! (lane, n)
+        type(forward_memory) :: memory
+        type(integrator_type) :: integrator
+        type(kink_list) :: kinks
+    end type simulator_state
 
 contains
 
@@ -116,6 +126,49 @@ contains
         deallocate (self%system)
     end subroutine leave
 
+    !> Keep where it stands, with what controllers, brakes, clutches and stops remember, turns that are counted, and what the integrator
+    !> has learnt.
+    !>
+    !> **Errors**: it stands nowhere.
+    subroutine keep(self, state, status)
+        class(simulator_type), intent(in) :: self
+        type(simulator_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+
+        call need_place(self, status)
+        if (.not. status%is_ok()) return
+        state%t = self%t
+        state%y = self%y
+        call self%system%remember(state%memory)
+        state%integrator = self%integrator
+        state%kinks = self%kinks
+    end subroutine keep
+
+    !> Stand there again.
+    !>
+    !> **Errors**: it stands nowhere.
+    subroutine put_back(self, state, status)
+        class(simulator_type), intent(inout) :: self
+        type(simulator_state), intent(in) :: state     !! that this simulator has kept
+        type(status_type), intent(inout) :: status
+
+        call need_place(self, status)
+        if (.not. status%is_ok()) return
+        self%t = state%t
+        self%y = state%y
+        call self%system%recall(state%memory)
+        call recall_integrator(state%integrator, self%integrator)
+        self%kinks = state%kinks
+    end subroutine put_back
+
+    subroutine need_place(self, status)
+        class(simulator_type), intent(in) :: self
+        type(status_type), intent(inout) :: status
+
+        if (.not. allocated(self%integrator)) &
+            call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
+    end subroutine need_place
+
     !> Go on to an instant under these forces, for a quarter of a second of computing at most: `read` says how far it got.
     !>
     !> **Errors**: a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
@@ -127,10 +180,8 @@ contains
         real(wp), parameter :: breath = 0.25_wp        !! [s]
         logical :: is_there
 
-        if (.not. allocated(self%integrator)) then
-            call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
-            return
-        end if
+        call need_place(self, status)
+        if (.not. status%is_ok()) return
         if (all(self%integrator%failed)) then
             call refuse_to_go_on(self, status)
             return

@@ -29,7 +29,8 @@ module linkdyn_f2py_api
         check_finite
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
-    use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
+    use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
+        keep_simulator, put_simulator_back
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, take_kept, copy_numbers
     use linkdyn_payloads, only: evaluate_payloads
@@ -53,6 +54,7 @@ module linkdyn_f2py_api
     public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
+    public :: api_keep_simulator, api_put_simulator_back, api_close_state
     public :: api_sweep_open, api_sweep_advance, api_sweep_kept, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
@@ -804,6 +806,44 @@ contains
             if (.not. is_ahead) is_ahead = t_end > here%is%integrator%t
         end function is_ahead
     end subroutine api_step_simulator
+
+    !> Keep the state of a simulator. It must be closed by api_close_state.
+    subroutine api_keep_simulator(simulator_handle, state_handle, code, message)
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        integer(c_intptr_t), intent(out) :: state_handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(status_type) :: status
+
+        state_handle = 0
+        call take_simulator(simulator_handle, here, status)
+        if (status%code == 0) call keep_simulator(simulator_handle, here, state_handle, status)
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_keep_simulator
+
+    !> Put a simulator back to a state that was kept of it.
+    subroutine api_put_simulator_back(simulator_handle, state_handle, code, message)
+        integer(c_intptr_t), intent(in) :: simulator_handle, state_handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(status_type) :: status
+
+        call take_simulator(simulator_handle, here, status)
+        if (status%code == 0) call put_simulator_back(simulator_handle, here, state_handle, status)
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_put_simulator_back
+
+    !> Forget a state; nothing happens to one that was forgotten before.
+    subroutine api_close_state(state_handle)
+        integer(c_intptr_t), intent(in) :: state_handle
+        type(status_type) :: status
+
+        call close_handle(state_handle, "state", status)
+    end subroutine api_close_state
 
     !> End a simulator; nothing happens to one that was ended before.
     subroutine api_close_simulator(simulator_handle)

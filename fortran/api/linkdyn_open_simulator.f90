@@ -6,17 +6,26 @@ module linkdyn_open_simulator
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
-    use linkdyn_simulator, only: simulator_type
+    use linkdyn_simulator, only: simulator_type, simulator_state
     use linkdyn_status, only: status_type, fail, status_bad_input
     implicit none (type, external)
     private
     public :: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
+    public :: keep_simulator, put_simulator_back
 
     type, extends(held_thing) :: open_simulator
         type(simulator_type) :: is
     contains
         procedure :: release
     end type open_simulator
+
+    !> A state that a simulator has kept.
+    type, extends(held_thing) :: kept_state
+        integer(c_intptr_t) :: simulator = 0           !! whose it is
+        type(simulator_state) :: is
+    contains
+        procedure :: release => release_state
+    end type kept_state
 
 contains
 
@@ -54,6 +63,47 @@ contains
         call release_texts()
     end subroutine set_simulator
 
+    !> Keep the state of a simulator.
+    subroutine keep_simulator(handle, simulator, state_handle, status)
+        integer(c_intptr_t), intent(in) :: handle      !! of the simulator
+        type(open_simulator), intent(in) :: simulator
+        integer(c_intptr_t), intent(out) :: state_handle       !! to be closed by whoever calls
+        type(status_type), intent(inout) :: status
+        type(kept_state), pointer :: new
+        class(held_thing), pointer :: thing
+
+        state_handle = 0
+        allocate (new)
+        new%simulator = handle
+        call simulator%is%keep(new%is, status)
+        thing => new
+        if (status%is_ok()) call make_handle(thing, state_handle, status)
+        if (.not. status%is_ok()) deallocate (new)
+    end subroutine keep_simulator
+
+    !> Put a simulator back to a state of its own.
+    subroutine put_simulator_back(handle, simulator, state_handle, status)
+        integer(c_intptr_t), intent(in) :: handle
+        type(open_simulator), intent(inout) :: simulator
+        integer(c_intptr_t), intent(in) :: state_handle
+        type(status_type), intent(inout) :: status
+        class(held_thing), pointer :: thing
+
+        call take(state_handle, "state", .false., thing, status)
+        if (.not. associated(thing)) return
+        select type (thing)
+        type is (kept_state)
+            if (thing%simulator == handle) then
+                call simulator%is%put_back(thing%is, status)
+            else
+                call fail(status, status_bad_input, "the state is another simulator's (expected one of this simulator)")
+            end if
+        class default
+            call fail(status, status_bad_input, "the handle is not that of a simulator's state")
+        end select
+        call give_back(state_handle)
+    end subroutine put_simulator_back
+
     !> Use a simulator alone until `leave_simulator`. Null: the call has failed.
     subroutine take_simulator(handle, simulator, status)
         integer(c_intptr_t), intent(in) :: handle
@@ -86,4 +136,9 @@ contains
 
         call self%is%close()
     end subroutine release
+
+    !> It holds nothing but memory, which goes with it.
+    subroutine release_state(self)
+        class(kept_state), intent(inout) :: self
+    end subroutine release_state
 end module linkdyn_open_simulator

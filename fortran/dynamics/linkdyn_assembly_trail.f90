@@ -14,6 +14,7 @@
 !>
 !> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
+    use linkdyn_agreement, only: agreement
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dead_end, only: dead_end, is_end
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
@@ -302,7 +303,8 @@ contains
         real(wp), allocatable :: place(:, :, :)      !! of groups' links (place_size, n_link, lane)
         real(wp) :: rate(lanes, link_freedom(model), model%n_link)
         logical :: is_closed(lanes), is_closed_given(lanes)
-        integer :: i, k, n_compared, n_alike
+        type(agreement) :: of_both
+        integer :: i, k
 
         agrees = .false.
         call begin_trail(model, trail)
@@ -318,18 +320,14 @@ contains
             allocate (place(0, 0, 0))
         end if
         call margins%find(at, way, trail%branch, place, margin_given, drift_given, is_closed_given)
-        n_compared = 0
-        n_alike = 0
         do i = 1, min(lanes, size(pose, 2))
             if (.not. (is_closed(i) .and. is_closed_given(i))) cycle
-            n_compared = n_compared + 1
             associate (margin_here => margin(i, :model%n_branch), drift_here => drift(i, :model%n_branch))
-                if (all(abs(margin_here - margin_given(:, i)) <= least_accuracy) &
-                    .and. all(abs(drift_here - drift_given(:, i)) <= least_accuracy*(1 + abs(drift_here)))) n_alike = n_alike + 1
+                call of_both%note(all(abs(margin_here - margin_given(:, i)) <= least_accuracy) &
+                                  .and. all(abs(drift_here - drift_given(:, i)) <= least_accuracy*(1 + abs(drift_here))))
             end associate
         end do
-        ! Near a dead point both may have few digits.
-        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+        agrees = of_both%is_reached()
     end function judges_like_lanes
 
     !> Which of the steps from each lane's place to the next one's are believed at once. The state has what was found there.

@@ -19,7 +19,7 @@ module linkdyn_bounce_watch
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: bounce_watch, prepare_bounce_watch, look_at_end, note_start, gains_of
+    public :: bounce_watch, prepare_bounce_watch, measure_rates, measure_end, look_at_end, note_start, gains_of
 
     !> Rates and accelerations at an instant: of hinges and slides, then, in space, of links' turns.
     type :: motion_type
@@ -33,8 +33,8 @@ module linkdyn_bounce_watch
         logical :: is_on = .false.
         logical :: is_ahead = .false.               !! a step that went further than the last accepted state has bounced
         real(wp), private :: t_bounced = 0          !! its end [s]
-        integer, allocatable, private :: joint(:)   !! with one axis
-        integer, allocatable, private :: link(:)    !! that turn in space
+        integer, allocatable :: joint(:)            !! with one axis
+        integer, allocatable :: link(:)             !! that turn in space
         type(motion_type), private :: start         !! of the step
         type(motion_type), private :: end           !! of the step tried last
     end type bounce_watch
@@ -92,23 +92,43 @@ contains
         end function may_be_exchanged
     end subroutine prepare_bounce_watch
 
-    !> Look at the end of a step that is tried, its columns at hand.
-    subroutine look_at_end(model, state, t, qdd, watch, has_bounced)
+    !> Rates in a state of what is watched.
+    function measure_rates(model, state, watch) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: t                   !! [s]
+        type(bounce_watch), intent(in) :: watch
+        real(wp) :: rate(3, size(watch%joint) + size(watch%link))    ! [rad/s, m/s]
+
+        rate = rates_at(model, state, watch, level_velocity)
+    end function measure_rates
+
+    !> Rates and accelerations at the end of a step that is tried, its columns at hand.
+    subroutine measure_end(model, state, qdd, watch, rate, acceleration)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: qdd(:)              !! accelerations of the coordinates that the state lacks (n_q)
+        type(bounce_watch), intent(in) :: watch
+        real(wp), intent(out), dimension(:, :) :: rate, acceleration    !! [rad/s, m/s], [rad/s2, m/s2] (3, measured)
+        integer :: k
+
+        rate = rates_at(model, state, watch, level_velocity)
+        acceleration = rates_at(model, state, watch, level_given)
+        do k = 1, model%n_q
+            acceleration = acceleration + rates_at(model, state, watch, k)*qdd(k)
+        end do
+    end subroutine measure_end
+
+    !> Look at the end of a step that is tried.
+    pure subroutine look_at_end(t, rate, acceleration, watch, has_bounced)
+        real(wp), intent(in) :: t                   !! [s]
+        real(wp), intent(in), dimension(:, :) :: rate, acceleration    !! there (3, measured)
         type(bounce_watch), intent(inout) :: watch
         logical, intent(out) :: has_bounced         !! on the way there
-        integer :: k
 
         watch%end%t = t
         watch%end%has_accelerations = .true.
-        watch%end%rate = rates_at(model, state, watch, level_velocity)
-        watch%end%acceleration = rates_at(model, state, watch, level_given)
-        do k = 1, model%n_q
-            watch%end%acceleration = watch%end%acceleration + rates_at(model, state, watch, k)*qdd(k)
-        end do
+        watch%end%rate = rate
+        watch%end%acceleration = acceleration
         has_bounced = is_thrown_back(watch)
         if (.not. has_bounced) return
         watch%is_ahead = .true.
@@ -116,10 +136,9 @@ contains
     end subroutine look_at_end
 
     !> An accepted state: the end of the step tried last, or another one, of which no accelerations are known.
-    subroutine note_start(model, state, t, watch)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
+    pure subroutine note_start(t, rate, watch)
         real(wp), intent(in) :: t                   !! [s]
+        real(wp), intent(in) :: rate(:, :)          !! (3, measured)
         type(bounce_watch), intent(inout) :: watch
 
         if (watch%end%has_accelerations .and. watch%end%t == t) then
@@ -127,7 +146,7 @@ contains
         else
             watch%start%t = t
             watch%start%has_accelerations = .false.
-            watch%start%rate = rates_at(model, state, watch, level_velocity)
+            watch%start%rate = rate
         end if
         watch%end%has_accelerations = .false.
         watch%is_ahead = watch%is_ahead .and. t < watch%t_bounced

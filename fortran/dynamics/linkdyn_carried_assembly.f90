@@ -22,8 +22,8 @@ module linkdyn_carried_assembly
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
-    public :: stand_there, keep_evaluated, count_passed, leaves_doubt, secant, branches_tried
+    public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
+    public :: stand_there, keep_evaluated, count_passed, leaves_doubt, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -91,18 +91,19 @@ contains
         assembly%drift = 0
     end subroutine stand_there
 
-    !> Branches of the closed forms on which states are tried.
-    pure function branches_tried(model, assembly) result(branch)
+    !> Branches of the closed forms on which a lane's states are tried.
+    pure subroutine take_branches(model, assembly, lane, branch)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
-        real(wp) :: branch(lanes, model%n_branch)
+        integer, intent(in) :: lane
+        real(wp), intent(out) :: branch(:)             !! (n_branch)
 
         if (assembly%is_needed) then
-            branch = assembly%branch
+            branch = assembly%branch(lane, :)
         else
-            branch = spread(model%branch(:model%n_branch), 1, lanes)
+            branch = model%branch(:model%n_branch)
         end if
-    end function branches_tried
+    end subroutine take_branches
 
     !> Kinematics of a state tried; on the assembly that leads there, if there are several.
     subroutine evaluate_assembled(model, t, assembly, state)
@@ -270,22 +271,79 @@ contains
         logical, intent(in) :: is_accepted(lanes)      !! other lanes stay where they are
         type(carried_assembly), intent(inout) :: assembly
         real(wp), dimension(lanes, n_map(model)) :: margin, drift
-        real(wp) :: column(lanes, link_freedom(model))
         logical :: goes(lanes)
-        integer :: g, i, k, l, m
+        integer :: g, i, k
 
         call evaluate_on_assembly(model, t, assembly, assembly%state)
         call measure_margins(model, assembly%state, margin, drift)
+        associate (state => assembly%state)
+            goes = is_accepted .and. .not. (state%unreachable .or. state%not_converged .or. state%branch_lost)
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
+                        do k = 1, model%n_q
+                            assembly%column(:, :, l, k) = merge(place_rates(model, state, l, k), assembly%column(:, :, l, k), &
+                                                                spread(goes, 2, link_freedom(model)))
+                        end do
+                    end associate
+                end do
+            end do
+        end associate
+        call go_on_to_state(model, t, goes, margin, drift, assembly)
+    end subroutine accept_assembly
+
+    !> The same where somebody else has looked at the accepted state, and left no doubt that it is on this assembly: one state for all
+    !> lanes. `assembly%state` holds its coordinates and rates, no more.
+    subroutine accept_seen(model, t, is_accepted, margin, drift, place, column, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        logical, intent(in) :: is_accepted(lanes)
+        real(wp), intent(in) :: margin(:)              !! (n_map)
+        real(wp), intent(in) :: drift(:)               !! of the closed forms [1/s] (n_branch)
+        real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
+        real(wp), intent(in) :: column(:, :, :)        !! likewise, rates (link_freedom, n_link, n_q)
+        type(carried_assembly), intent(inout) :: assembly
+        real(wp), dimension(lanes, n_map(model)) :: margins, drifts
+        integer :: g, i, k
+
+        margins = spread(margin, 1, lanes)
+        drifts = 0
+        drifts(:, :model%n_branch) = spread(drift, 1, lanes)
+        if (model%n_branch > 0) assembly%state%branch = assembly%branch
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    assembly%state%group%place(:, :, l) = spread(place(:, l), 1, lanes)
+                    do k = 1, model%n_q
+                        assembly%column(:, :, l, k) = merge(spread(column(:, l, k), 1, lanes), assembly%column(:, :, l, k), &
+                                                            spread(is_accepted, 2, link_freedom(model)))
+                    end do
+                end associate
+            end do
+        end do
+        assembly%n_crossed_tried = 0
+        call go_on_to_state(model, t, is_accepted, margins, drifts, assembly)
+    end subroutine accept_seen
+
+    !> The state of the assembly is where the next steps set out from.
+    subroutine go_on_to_state(model, t, goes, margin, drift, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        logical, intent(in) :: goes(lanes)             !! other lanes stay where they are
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(inout) :: drift(:, :)         !! its rate [1/s]; that of groups is found here (lane, n_map)
+        type(carried_assembly), intent(inout) :: assembly
+        integer :: g, i, k, l, m
+
         do m = model%n_branch + 1, size(margin, 2)
             drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
         end do
+        where (goes)
+            assembly%t = t
+        end where
+        call count_crossings(model, margin, goes, assembly)
+        call forget_map_lost(model, margin, goes, assembly%map_lost)
         associate (state => assembly%state)
-            goes = is_accepted .and. .not. (state%unreachable .or. state%not_converged .or. state%branch_lost)
-            where (goes)
-                assembly%t = t
-            end where
-            call count_crossings(model, margin, goes, assembly)
-            call forget_map_lost(model, margin, goes, assembly%map_lost)
             do k = 1, model%n_q
                 where (goes) assembly%q(:, k) = state%q(:, k)
             end do
@@ -308,14 +366,10 @@ contains
                     do k = 1, size(assembly%place, 2)
                         where (goes) assembly%place(:, k, l) = state%group%place(:, k, l)
                     end do
-                    do k = 1, model%n_q
-                        column = place_rates(model, state, l, k)
-                        assembly%column(:, :, l, k) = merge(column, assembly%column(:, :, l, k), spread(goes, 2, size(column, 2)))
-                    end do
                 end do
             end do
         end associate
-    end subroutine accept_assembly
+    end subroutine go_on_to_state
 
     !> Change points passed by an accepted step.
     subroutine count_crossings(model, margin, goes, assembly)

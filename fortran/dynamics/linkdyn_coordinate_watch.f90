@@ -18,8 +18,8 @@ module linkdyn_coordinate_watch
         joint_screw, frame_link
     implicit none (type, external)
     private
-    public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
-        is_well_past, dead_coordinate, largest_growth
+    public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, take_rates, note_rates, forget_rates, grows
+    public :: is_near_dead_point, is_well_past, dead_coordinate, largest_growth
 
     ! Of ratios, to what they were at best.
     real(wp), parameter :: largest_growth = 10      !! that a coordinate in use may have
@@ -195,6 +195,24 @@ contains
             end do
         end do
     end subroutine compare_rates
+
+    !> The same where somebody else has found the rates: of candidates, by coordinates that may be exchanged.
+    pure subroutine take_rates(rate, watch)
+        real(wp), intent(in) :: rate(:)             !! one coordinate after the other
+        type(coordinate_watch), intent(inout) :: watch
+        integer :: i, v, k
+
+        watch%ratio = 0
+        i = 0
+        do k = 1, size(watch%variable)
+            if (watch%variable(k) == 0) cycle
+            do v = 1, size(watch%joint)
+                if (.not. watch%is_candidate(v)) cycle
+                i = i + 1
+                watch%ratio(v, k) = rate(i)*watch%arm(v)/watch%arm(watch%variable(k))
+            end do
+        end do
+    end subroutine take_rates
 
     !> Ratios compared before are not those of the way ahead.
     pure subroutine forget_rates(watch)

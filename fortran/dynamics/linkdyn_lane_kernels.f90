@@ -193,7 +193,7 @@ contains
             if (space%lanes == 1) then
                 call run_single(program%program, g, space%block)
             else
-                call run_block(program%program, g, space%block)
+                call run_block(program%program, g, space%block, n)
             end if
             do k = k, program%program%group_end(g)
                 call take_lanes(program%program, space%block, k, n, found(first:first + n - 1, k))

@@ -58,7 +58,7 @@ contains
         error = merge(abs(left)/behind, 0.0_wp, abs(left) > shrinking*abs(taken_off))
     end subroutine error_unseen
 
-    !> The midpoint rule on all columns.
+    !> The midpoint rule on all columns, the longest one first: those under way are always the first lanes.
     subroutine cross(self, system, t, step, y, start_rate, k, again, has_failed)
         class(gbs_method), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -66,49 +66,53 @@ contains
         integer, intent(in) :: k
         logical, intent(in) :: again
         logical, intent(out) :: has_failed
-        real(wp) :: substep(lanes), instant(lanes), next(lanes)
-        integer :: column(lanes), first, n_used, m, i, l
+        real(wp) :: substep(lanes), instant(lanes)
+        integer :: column(lanes), longest, n_used, m, i, l
         logical :: failed(lanes)
 
         has_failed = .false.
-        do first = 1, k, lanes
-            ! Lanes to spare do what the longest column does; nobody looks at them.
-            column = [(min(first + l - 1, k), l=1, lanes)]
-            n_used = min(lanes, k - first + 1)
+        do longest = k, 1, -lanes
+            column = [(max(1, longest - l), l=0, lanes - 1)]
             substep = step/(2*column)
             do i = 1, size(y)
                 self%before(:, i) = 0
                 self%now(:, i) = substep*start_rate(i)
             end do
-            do m = 1, 2*column(lanes)
-                ! A column that has arrived stays.
-                instant = merge(t + m*substep, t + step, m < 2*column)
+            n_used = min(lanes, longest)
+            do m = 1, 2*longest
+                if (2*column(n_used) < m) n_used = n_used - 1
+                ! lanes to spare do what the last one used does; nobody looks at them
+                instant = t + m*substep
+                if (2*column(n_used) == m) instant(n_used) = t + step
+                instant(n_used + 1:) = instant(n_used)
                 do i = 1, size(y)
                     self%trial(:, i) = y(i) + self%now(:, i)
+                    self%trial(n_used + 1:, i) = self%trial(n_used, i)
                 end do
                 system%n_used = n_used
                 call system%evaluate(instant, self%trial, self%rate, failed)
                 system%n_used = lanes
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed(:n_used) .and. m <= 2*column(:n_used)) .or. is_interrupted()
+                has_failed = any(failed(:n_used)) .or. is_interrupted()
                 if (has_failed) return
+                if (2*column(n_used) == m) call end_column(self, n_used, column(n_used), substep(n_used))
                 do i = 1, size(y)
-                    next = self%before(:, i) + (2*substep)*self%rate(:, i)
-                    where (m < 2*column)
-                        self%before(:, i) = self%now(:, i)
-                        self%now(:, i) = next
-                    elsewhere (m == 2*column)
-                        next = (self%now(:, i) + self%before(:, i) + substep*self%rate(:, i))/2
-                        self%before(:, i) = self%now(:, i) - next
-                        self%now(:, i) = next
-                    end where
+                    self%trial(:, i) = self%before(:, i) + (2*substep)*self%rate(:, i)
+                    self%before(:, i) = self%now(:, i)
+                    self%now(:, i) = self%trial(:, i)
                 end do
-            end do
-            do l = 1, n_used
-                self%table(:, column(l)) = self%now(l, :)
-                self%swing(:, column(l)) = self%before(l, :)
             end do
         end do
         has_failed = .not. all(abs(self%table(:, :k)) <= huge(1.0_wp))
     end subroutine cross
+
+    !> A column has arrived: Gragg's smoothing, and the swing that it takes off.
+    pure subroutine end_column(self, lane, column, substep)
+        class(gbs_method), intent(inout) :: self
+        integer, intent(in) :: lane, column
+        real(wp), intent(in) :: substep
+
+        self%table(:, column) = (self%now(lane, :) + self%before(lane, :) + substep*self%rate(lane, :))/2
+        self%swing(:, column) = self%now(lane, :) - self%table(:, column)
+    end subroutine end_column
 end module linkdyn_gbs

@@ -9,6 +9,7 @@ module linkdyn_integrator
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
+    use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
     use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
     use linkdyn_seulex, only: seulex_method
@@ -17,7 +18,8 @@ module linkdyn_integrator
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
+    public :: integrator_type, integrator_options, recall_integrator, method_rk4, method_rkf45, method_rk8pd, method_msbdf, &
+        method_gbs, method_seulex
     public :: default_method, method_name, choose_method, check_options
     public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law, &
         stop_event
@@ -811,6 +813,25 @@ contains
         call self%reset()
     end subroutine go_on_from
 
+
+    !> Be what an integrator of the same system was when it was copied. What lies outside of Fortran stays: steppers there remember
+    !> nothing, but the multistep method begins its history anew.
+    subroutine recall_integrator(copy, self)
+        type(integrator_type), intent(in) :: copy
+        type(integrator_type), intent(inout) :: self
+        class(one_step_method), allocatable :: method
+        type(ode_gsl) :: gsl
+
+        call move_alloc(self%control%method, method)
+        gsl = self%gsl
+        self = copy
+        self%gsl = gsl
+        if (self%options%method == method_msbdf) call self%gsl%reset()
+        if (.not. allocated(method)) return
+        if (method%is_of_fortran()) return
+        method%n_evaluation = copy%control%method%n_evaluation
+        call move_alloc(method, self%control%method)
+    end subroutine recall_integrator
 
     !> The right-hand side has a kink at the instant reached.
     subroutine reset(self)

@@ -20,6 +20,7 @@ module linkdyn_lane_system
                                                           !! (lane, n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
+        real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)
         ! ---- jumps of f, which an evaluation tells by a number that changes there
         logical :: may_jump = .false.
         real(wp) :: mode(lanes) = 0                       !! that number at the last `evaluate`
@@ -69,14 +70,26 @@ contains
         real(wp), intent(in) :: t, y(:)                   !! (n)
         real(wp), intent(out) :: rate(:)                  !! (n)
         logical, intent(out) :: failed
-        real(wp) :: rates(lanes, size(y))
+        real(wp), allocatable :: ys(:, :), rates(:, :)
+        real(wp) :: instant(lanes)
         logical :: lane_failed(lanes)
+        integer :: k
 
+        ! taken from one time to the next: it is called by the thousand
+        call move_alloc(self%y_alone, ys)
+        call move_alloc(self%rate_alone, rates)
+        if (.not. allocated(ys)) allocate (ys(lanes, size(y)), rates(lanes, size(y)))
+        instant = t
+        do k = 1, size(y)
+            ys(:, k) = y(k)
+        end do
         self%n_used = 1
-        call self%evaluate(spread(t, 1, lanes), spread(y, 1, lanes), rates, lane_failed)
+        call self%evaluate(instant, ys, rates, lane_failed)
         self%n_used = lanes
         rate = rates(1, :)
         failed = lane_failed(1) .or. .not. all(abs(rate) <= huge(1.0_wp))
+        call move_alloc(ys, self%y_alone)
+        call move_alloc(rates, self%rate_alone)
     end subroutine evaluate_alone
 
     !> How far y breaks a law that every solution keeps, energy's say, over what the errors allowed would; 0 if none is known.

@@ -23,6 +23,7 @@ module linkdyn_ode_gsl
         class(lane_system), pointer :: system => null()
         real(wp), allocatable :: y(:, :), rate(:, :)      !! (lane, n)
         real(wp), allocatable :: base(:)                  !! what GSL's y counts from (n)
+        real(wp), allocatable :: sum(:)                   !! of both (n)
         integer :: n_evaluation = 0                       !! blocks evaluated
         integer :: n_before_step = 0                      !! of these, before the step that is taken
     end type callback_frame
@@ -37,6 +38,7 @@ module linkdyn_ode_gsl
         procedure :: start => start_runge_kutta
         procedure :: try_step => try_runge_kutta
         procedure :: propose => propose_runge_kutta
+        procedure :: is_of_fortran => is_runge_kutta_of_fortran
         procedure :: release => release_runge_kutta
     end type runge_kutta_gsl
 
@@ -165,6 +167,12 @@ contains
                         max(least, safety*max(part, tiny(1.0_wp))**(-1/real(self%order, wp))))
     end subroutine propose_runge_kutta
 
+    pure logical function is_runge_kutta_of_fortran(self) result(is_of_fortran)
+        class(runge_kutta_gsl), intent(in) :: self
+
+        is_of_fortran = .false.
+    end function is_runge_kutta_of_fortran
+
     subroutine release_runge_kutta(self)
         class(runge_kutta_gsl), intent(inout) :: self
 
@@ -244,7 +252,7 @@ contains
         allocate (frame)
         frame%system => system
         allocate (frame%y(lanes, system%n), frame%rate(lanes, system%n))
-        allocate (frame%base(system%n), source=0.0_wp)
+        allocate (frame%base(system%n), frame%sum(system%n), source=0.0_wp)
     end subroutine make_frame
 
     function rates(t, y, rate, context) bind(c) result(code)
@@ -260,7 +268,8 @@ contains
         code = 1
         if (is_given_up(frame)) return
         associate (n => frame%system%n)
-            call frame%system%evaluate_alone(t, frame%base + y(:n), rate(:n), failed)
+            frame%sum = frame%base + y(:n)
+            call frame%system%evaluate_alone(t, frame%sum, rate(:n), failed)
         end associate
         frame%n_evaluation = frame%n_evaluation + 1
         code = merge(1_c_int, 0_c_int, failed)

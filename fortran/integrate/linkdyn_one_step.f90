@@ -14,6 +14,7 @@ module linkdyn_one_step
         procedure :: error_unseen
         procedure :: compares_end
         procedure :: forget
+        procedure :: is_of_fortran
         procedure :: release
     end type one_step_method
 
@@ -68,6 +69,13 @@ contains
     subroutine forget(self)
         class(one_step_method), intent(inout) :: self
     end subroutine forget
+
+    !> Is all that it is in Fortran, so that a copy of it remembers the same? Else it remembers nothing from step to step.
+    pure logical function is_of_fortran(self)
+        class(one_step_method), intent(in) :: self
+
+        is_of_fortran = .true.
+    end function is_of_fortran
 
     !> Give back what the method holds outside of Fortran.
     subroutine release(self)

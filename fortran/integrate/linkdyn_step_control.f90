@@ -604,9 +604,19 @@ contains
                 call self%method%try_step(system, t, shorter*trial%step, y, rate, way, error, has_failed, .true.)
             if (has_failed) return
             rough = max(rough, abs(error - trial%error))
+            if (is_surely_none(trial, rough)) exit
         end do
         is_known = .true.
     end subroutine measure_rounding
+
+    !> Has one copy of a step erred so much alike that another one will not make its error rounding?
+    pure logical function is_surely_none(trial, rough)
+        type(trial_type), intent(in) :: trial
+        real(wp), intent(in) :: rough(:)               !! by which they differ (n)
+        real(wp), parameter :: far_from = 1000         !! what explains it
+
+        is_surely_none = any(abs(trial%error) > trial%allowed .and. abs(trial%error) > far_from*explained*rough)
+    end function is_surely_none
 
     !> By one or two units in the last place, up or down, as chance has it.
     pure function changed_in_last_place(y, copy) result(changed)

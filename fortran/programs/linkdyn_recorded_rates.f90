@@ -11,6 +11,7 @@ module linkdyn_recorded_rates
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
+    use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
     use linkdyn_measure_program, only: make_measure_program, out_measures
     use linkdyn_model, only: model_type, place_size, pull_power
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
@@ -25,7 +26,7 @@ module linkdyn_recorded_rates
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
-        run_rates, apply_laws
+        run_rates, apply_laws, run_looks
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
@@ -34,6 +35,8 @@ module linkdyn_recorded_rates
         type(scene_program) :: program
         type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
         type(rate_outputs) :: out
+        type(scene_program) :: looks                   !! at the ends of steps; not made if nobody wants that
+        type(look_outputs) :: look
         type(friction_programs) :: friction            !! not made if nothing rubs
         type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no places
     end type recorded_rates
@@ -59,23 +62,25 @@ module linkdyn_recorded_rates
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
+        real(wp), pointer, contiguous :: seen(:, :) => null()          !! as `look_outputs` tells (value, sample)
         real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
-        type(program_space), private :: one, block, one_measured, block_measured
+        type(program_space), private :: one, block, one_measured, block_measured, one_seen, block_seen
         type(friction_space), private :: friction
     end type rate_samples
 
 contains
 
     !> Trace the scene. Poses are representative: pivots are chosen by them.
-    subroutine record_rates(model, request, wants_power, pose, stand, recorded)
+    subroutine record_rates(model, request, wants_power, pose, stand, recorded, choice)
         type(model_type), intent(in) :: model
         type(trace_request), intent(in) :: request
         logical, intent(in) :: wants_power
         type(sample_set), intent(in) :: pose                   !! at which all loops close on the start's assembly
         real(wp), intent(in) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(recorded_rates), intent(out) :: recorded
+        type(look_choice), intent(in), optional :: choice      !! what steps are judged by; absent: nobody looks
         type(sample_set) :: sample
 
         allocate (recorded%model)
@@ -88,6 +93,8 @@ contains
         if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
                                       .or. any(model%scene%actuator%drive%side /= side_joint))) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
+        if (recorded%is_usable .and. present(choice)) &
+            call make_look_program(recorded%model, request, choice, sample, recorded%looks, recorded%look)
     end subroutine record_rates
 
     !> Do continuous controllers look at measures?
@@ -103,6 +110,7 @@ contains
 
         call free_scene_program(recorded%program)
         call free_scene_program(recorded%measures)
+        call free_scene_program(recorded%looks)
         call free_friction_programs(recorded%friction)
         call recorded%closing%free()
         if (associated(recorded%model)) deallocate (recorded%model)
@@ -134,7 +142,8 @@ contains
             allocate (samples%measured(samples%n_measure + model%n_actuator, n), samples%turned(samples%n_measure, n), &
                       source=0.0_wp)
         end associate
-        allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
+        allocate (samples%found(recorded%out%n, n), samples%seen(recorded%look%n, n), samples%is_left(n), samples%t(n), &
+                  samples%mode(n))
         samples%t = 0
         samples%mode = 0
 
@@ -155,8 +164,10 @@ contains
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
                     samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%counted, samples%measured, &
-                    samples%found)
+                    samples%found, samples%seen)
         call free_friction_space(samples%friction)
+        call free_program_space(samples%one_seen)
+        call free_program_space(samples%block_seen)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)
         call free_program_space(samples%one)
@@ -169,21 +180,12 @@ contains
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
-        type(output_target) :: to(1)
         real(wp) :: law(n, size(recorded%model%scene%laws%law)), scale
-        integer :: first, count, i, k
+        integer :: i, k
 
         if (.not. recorded%measures%is_made) return
-        if (n == 1) then
-            call run_one_sample(recorded%measures, samples%arrays, samples%one_measured, samples%measured(:, 1))
-        else
-            to(1) = goes_to(out_measures, samples%measured)
-            do first = 1, n, block_lanes()
-                count = min(block_lanes(), n - first + 1)
-                call load_samples(recorded%measures, samples%arrays, first, count, samples%block_measured)
-                call run_samples(recorded%measures, samples%block_measured, first, count, to)
-            end do
-        end if
+        call run_program(recorded%measures, out_measures, n, samples%arrays, samples%one_measured, samples%block_measured, &
+                         samples%measured)
         associate (model => recorded%model, book => recorded%model%scene%laws, measured => samples%measured(:samples%n_measure, :n))
             measured = measured + samples%turned(:, :n)
             do k = 1, size(book%measure)
@@ -238,34 +240,17 @@ contains
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
         logical, intent(in), optional :: laws_are_there    !! `apply_laws` has been called for these samples; absent: false
-        type(sample_arrays) :: settled
-        type(output_target) :: to(1)
-        logical :: is_left, has_laws
-        integer :: first, count, i
+        logical :: has_laws
+        integer :: i
 
         if (all(samples%is_left(:n))) return
         has_laws = .false.
         if (present(laws_are_there)) has_laws = laws_are_there
         if (.not. has_laws) call apply_laws(recorded, n, samples)
-        if (n == 1) then
-            settled = samples%arrays
-            if (recorded%friction%is_made) then
-                call settle_one(recorded%friction, block_lanes(), samples%arrays, samples%friction, settled, is_left)
-                samples%is_left(1) = is_left
-                if (is_left) return
-            end if
-            call run_one_sample(recorded%program, settled, samples%one, samples%found(:, 1))
+        if (recorded%friction%is_made) then
+            call run_rubbing(recorded, n, samples)
         else
-            to(1) = goes_to(out_rates, samples%found)
-            do first = 1, n, block_lanes()
-                count = min(block_lanes(), n - first + 1)
-                settled = samples%arrays
-                if (recorded%friction%is_made) &
-                    call settle_block(recorded%friction, block_lanes(), samples%arrays, first, count, samples%friction, settled, &
-                                      samples%is_left(first:first + count - 1))
-                call load_samples(recorded%program, settled, first, count, samples%block)
-                call run_samples(recorded%program, samples%block, first, count, to)
-            end do
+            call run_program(recorded%program, out_rates, n, samples%arrays, samples%one, samples%block, samples%found)
         end if
         ! Written so that what is no number counts as an alarm.
         do i = 1, n
@@ -274,4 +259,70 @@ contains
                                                                 .and. sum(abs(samples%found(:, i))) <= huge(1.0_wp))
         end do
     end subroutine run_rates
+
+    !> The same where something rubs: what presses is settled first.
+    subroutine run_rubbing(recorded, n, samples)
+        type(recorded_rates), intent(in) :: recorded
+        integer, intent(in) :: n
+        type(rate_samples), intent(inout), target :: samples
+        type(sample_arrays) :: settled
+        type(output_target) :: to(1)
+        logical :: is_left
+        integer :: first, count
+
+        if (n == 1) then
+            settled = samples%arrays
+            call settle_one(recorded%friction, block_lanes(), samples%arrays, samples%friction, settled, is_left)
+            samples%is_left(1) = is_left
+            if (.not. is_left) call run_one_sample(recorded%program, settled, samples%one, samples%found(:, 1))
+            return
+        end if
+        to(1) = goes_to(out_rates, samples%found)
+        do first = 1, n, block_lanes()
+            count = min(block_lanes(), n - first + 1)
+            settled = samples%arrays
+            call settle_block(recorded%friction, block_lanes(), samples%arrays, first, count, samples%friction, settled, &
+                              samples%is_left(first:first + count - 1))
+            call load_samples(recorded%program, settled, first, count, samples%block)
+            call run_samples(recorded%program, samples%block, first, count, to)
+        end do
+    end subroutine run_rubbing
+
+    !> All that a program finds, of the first n samples: of one alone by itself, which takes a part of what a block takes.
+    subroutine run_program(program, id, n, arrays, one, block, found)
+        type(scene_program), intent(in) :: program
+        integer, intent(in) :: id                          !! of the output
+        integer, intent(in) :: n
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(inout) :: one, block
+        real(wp), intent(inout), target, contiguous :: found(:, :)     !! (value, sample)
+        type(output_target) :: to(1)
+        integer :: first, count
+
+        if (n == 1) then
+            call run_one_sample(program, arrays, one, found(:, 1))
+            return
+        end if
+        to(1) = goes_to(id, found)
+        do first = 1, n, block_lanes()
+            count = min(block_lanes(), n - first + 1)
+            call load_samples(program, arrays, first, count, block)
+            call run_samples(program, block, first, count, to)
+        end do
+    end subroutine run_program
+
+    !> Look at the first n samples; says which others are left.
+    subroutine run_looks(recorded, n, samples)
+        type(recorded_rates), intent(in) :: recorded
+        integer, intent(in) :: n
+        type(rate_samples), intent(inout), target :: samples
+        integer :: i
+
+        call run_program(recorded%looks, out_looks, n, samples%arrays, samples%one_seen, samples%block_seen, samples%seen)
+        do i = 1, n
+            samples%is_left(i) = samples%is_left(i) .or. .not. (samples%seen(recorded%look%alarm, i) <= 1 &
+                                                                .and. samples%seen(recorded%look%reach, i) > 0 &
+                                                                .and. sum(abs(samples%seen(:, i))) <= huge(1.0_wp))
+        end do
+    end subroutine run_looks
 end module linkdyn_recorded_rates

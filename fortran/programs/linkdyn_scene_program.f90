@@ -208,12 +208,12 @@ contains
                 if (target(t)%id == program%id(k)) exit
             end do
             if (t > size(target)) then                 ! nobody wants it
-                call run_block(program%program, g, space%block)
+                call run_block(program%program, g, space%block, count)
             else
                 column = merge(1, first, target(t)%is_of_block)
                 associate (x => target(t)%x, k1 => begin - program%first(k) + 1)
                     if (.not. target(t)%is_of_block) call expect(x(k1, column), size(x, 1), n, count)
-                    call run_block(program%program, g, space%block)
+                    call run_block(program%program, g, space%block, count)
                     call scatter(program%program, space%block, begin, n, x(k1, column), size(x, 1), count, not_finite)
                 end associate
             end if

@@ -12,7 +12,8 @@ module linkdyn_motion_quantities
     use linkdyn_vector, only: vector, rotation, components, operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, potential_energy, largest_gap
+    public :: all_joint_variables, all_joint_rates, transmission_angles, largest_gap
+    public :: kinetic_energy, link_energy, potential_energy, gravity_energy
     public :: scene_position, scene_rotation, scene_velocity, scene_angular_velocity
 
 contains
@@ -56,43 +57,53 @@ contains
         end do
     end function transmission_angles
 
-    !> Of all links and rotors [J].
+    !> Of all links, payloads and rotors [J].
     function kinetic_energy(mechanism) result(energy)
+        type(mechanism_type), intent(in) :: mechanism
+        type(value) :: energy
+        integer :: l
+
+        energy = link_energy(mechanism)
+        do l = 1, size(mechanism%model%payload)
+            energy = energy + energy_of(mechanism, mechanism%model%payload(l)%link, payload_properties(mechanism, l))
+        end do
+    end function kinetic_energy
+
+    !> Of links and rotors alone: nothing changes their masses [J].
+    function link_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
         integer :: l
 
         energy = zero()
         do l = 1, mechanism%model%n_link
-            call add(l, properties_of(mechanism, l))
-        end do
-        do l = 1, size(mechanism%model%payload)
-            call add(mechanism%model%payload(l)%link, payload_properties(mechanism, l))
+            energy = energy + energy_of(mechanism, l, properties_of(mechanism, l))
         end do
         do l = 1, size(mechanism%model%motor)
             if (mechanism%model%motor(l)%inertia > 0) energy = energy + rotor_energy(mechanism, l)
         end do
+    end function link_energy
 
-    contains
+    !> Kinetic energy of a body in a link [J].
+    function energy_of(mechanism, link, p) result(energy)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link
+        type(mass_properties), intent(in) :: p
+        type(value) :: energy
+        type(vector) :: v, w
+        type(value) :: h(3)
+        integer :: k
 
-        subroutine add(link, p)
-            integer, intent(in) :: link
-            type(mass_properties), intent(in) :: p
-            type(vector) :: v, w
-            type(value) :: h(3)
-            integer :: k
+        v = point_velocity(mechanism%bodies, link, p%cog)
+        w = omega_of(mechanism%bodies, link, own_axes)
+        do k = 1, 3
+            h(k) = p%inertia(k, 1)*w%x + p%inertia(k, 2)*w%y + p%inertia(k, 3)*w%z
+        end do
+        energy = 0.5_wp*(p%mass*(v.dot.v) + (w%x*h(1) + w%y*h(2) + w%z*h(3)))
+    end function energy_of
 
-            v = point_velocity(mechanism%bodies, link, p%cog)
-            w = omega_of(mechanism%bodies, link, own_axes)
-            do k = 1, 3
-                h(k) = p%inertia(k, 1)*w%x + p%inertia(k, 2)*w%y + p%inertia(k, 3)*w%z
-            end do
-            energy = energy + 0.5_wp*(p%mass*(v.dot.v) + (w%x*h(1) + w%y*h(2) + w%z*h(3)))
-        end subroutine add
-    end function kinetic_energy
-
-    !> Of gravity and springs [J].
-    function potential_energy(mechanism) result(energy)
+    !> Of gravity and links alone [J].
+    function gravity_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
         type(mass_properties) :: p
@@ -103,6 +114,16 @@ contains
             p = properties_of(mechanism, i)
             energy = energy - p%mass*(gravity_of(mechanism) .dot.point_position(mechanism%bodies, i, p%cog))
         end do
+    end function gravity_energy
+
+    !> Of gravity and springs [J].
+    function potential_energy(mechanism) result(energy)
+        type(mechanism_type), intent(in) :: mechanism
+        type(value) :: energy
+        type(mass_properties) :: p
+        integer :: i
+
+        energy = gravity_energy(mechanism)
         do i = 1, size(mechanism%model%payload)
             p = payload_properties(mechanism, i)
             energy = energy - p%mass*(gravity_of(mechanism) &

@@ -75,15 +75,18 @@ contains
     end subroutine free_space
 
     !> Make the outputs of one group; they must be taken before the next one is made.
-    subroutine run_block(program, group, space)
+    subroutine run_block(program, group, space, count)
         type(program_type), intent(in) :: program
         integer, intent(in) :: group
         type(block_space), intent(in) :: space
-        integer :: lane, first
+        integer, intent(in), optional :: count         !! lanes that are wanted, from the first; absent: all
+        integer :: lane, first, last
 
+        last = size(space%slot, 2)
+        if (present(count)) last = count
         first = 1
         if (group > 1) first = program%kernel%step_end(group - 1) + 1
-        do lane = 1, size(space%slot, 2)
+        do lane = 1, last
             call run_steps(program%kernel, first, program%kernel%step_end(group), space%slot(:, lane))
         end do
     end subroutine run_block
@@ -96,15 +99,15 @@ contains
         call run_block(program, group, space)
     end subroutine run_single
 
-    !> `count` samples of n numbers, `stride` apart, to the inputs from `first` on; lanes beyond repeat the last sample.
+    !> `count` samples of n numbers, `stride` apart, to the inputs from `first` on; lanes beyond are wanted by nobody.
     subroutine gather(source, stride, count, n, first, space)
         real(wp), intent(in) :: source(*)
         integer, intent(in) :: stride, count, n, first
         type(block_space), intent(in) :: space
         integer :: lane, at
 
-        do lane = 1, size(space%slot, 2)
-            at = stride*(min(lane, count) - 1)
+        do lane = 1, count
+            at = stride*(lane - 1)
             space%slot(first:first + n - 1, lane) = source(at + 1:at + n)
         end do
     end subroutine gather

@@ -66,10 +66,10 @@ module linkdyn_block
             type(c_ptr), value :: slot
         end subroutine free_slots
 
-        subroutine run_lanes(packed, group, slot) bind(c, name="linkdyn_run_lanes")
+        subroutine run_lanes(packed, group, slot, count) bind(c, name="linkdyn_run_lanes")
             import :: c_ptr, c_int
             type(c_ptr), value :: packed, slot
-            integer(c_int), value :: group
+            integer(c_int), value :: group, count
         end subroutine run_lanes
 
         subroutine run_one(packed, group, slot) bind(c, name="linkdyn_run_one")
@@ -173,12 +173,17 @@ contains
     end subroutine free_space
 
     !> Make the outputs of one group; they must be taken before the next one is made.
-    subroutine run_block(program, group, space)
+    subroutine run_block(program, group, space, count)
         type(program_type), intent(in) :: program
         integer, intent(in) :: group
         type(block_space), intent(in) :: space
+        integer, intent(in), optional :: count         !! lanes that are wanted, from the first; absent: all
 
-        call run_lanes(program%packed, group - 1, space%memory)
+        if (present(count)) then
+            call run_lanes(program%packed, group - 1, space%memory, count)
+        else
+            call run_lanes(program%packed, group - 1, space%memory, size(space%slot, 1))
+        end if
     end subroutine run_block
 
     subroutine run_single(program, group, space)
@@ -189,7 +194,7 @@ contains
         call run_one(program%packed, group - 1, space%memory)
     end subroutine run_single
 
-    !> `count` samples of n numbers, `stride` apart, to the inputs from `first` on; lanes beyond repeat the last sample.
+    !> `count` samples of n numbers, `stride` apart, to the inputs from `first` on; lanes beyond are wanted by nobody.
     subroutine gather(source, stride, count, n, first, space)
         real(wp), intent(in) :: source(*)
         integer, intent(in) :: stride, count, n, first

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ._view import view
     from .results import read
     from .scene import Poses, Scene, load
-    from .simulator import Simulator
+    from .simulator import Simulator, SimulatorState
 
 __all__ = [
     "Builder",
@@ -39,6 +39,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Simulator",
+    "SimulatorState",
     "UnavailableError",
     "code_in_use",
     "convert",
@@ -65,6 +66,7 @@ _HOMES = {
     "Poses": "scene",
     "Scene": "scene",
     "Simulator": "simulator",
+    "SimulatorState": "simulator",
     "load": "scene",
     "new": "_new",
     "read": "results",

@@ -522,6 +522,23 @@ def step_simulator(simulator: int, t_end: float, force: Floats, n_force: int, q:
     return float(t)
 
 
+def keep_simulator(simulator: int) -> int:
+    """Its state, to be closed by `close_state`."""
+    state, code, message = _api.api_keep_simulator(simulator)
+    check(code, message)
+    return int(state)
+
+
+def put_simulator_back(simulator: int, state: int) -> None:
+    """Back to a state that was kept of it."""
+    check(*_api.api_put_simulator_back(simulator, state))
+
+
+def close_state(state: int) -> None:
+    """Forget a state; nothing happens to one that was forgotten."""
+    _api.api_close_state(state)
+
+
 def close_simulator(simulator: int) -> None:
     """Give back what it holds; nothing happens to one that was closed."""
     _api.api_close_simulator(simulator)

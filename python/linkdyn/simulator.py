@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
@@ -18,7 +19,29 @@ from .results import time_axis
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["Simulator"]
+__all__ = ["Simulator", "SimulatorState"]
+
+
+class SimulatorState:
+    """Where a simulator has stood, and all that it remembered there: see `Simulator.state`.
+
+    Attributes
+    ----------
+    t : float
+        [s]
+    q, qd : numpy.ndarray
+        (n_q,) Coordinates and their rates there [m, rad; /s]; to read only.
+    """
+
+    def __init__(self, handle: int, t: float, q: NDArray[np.float64], qd: NDArray[np.float64], force: NDArray[np.float64]) -> None:
+        self._handle = handle
+        self._finalizer = weakref.finalize(self, _bind.close_state, handle)
+        self._force = force.copy()
+        self.t = t
+        self.q, self.qd = _read_only(q.copy()), _read_only(qd.copy())
+
+    def __repr__(self) -> str:
+        return f"<linkdyn.SimulatorState at t = {self.t:g} s>"
 
 
 class Simulator:
@@ -102,6 +125,25 @@ class Simulator:
         _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places)
         self._advance(-np.inf)
 
+    @property
+    def state(self) -> SimulatorState:
+        """Where the simulator stands, to be put back later: ``saved = sim.state``, and after any steps, or a `reset`, ``sim.state = saved``.
+
+        With coordinates and rates it has the forces that are held, what controllers remember (integrators, samples that wait for their delay), which
+        brakes and clutches are closed and what sticks or rests at stops, how often angles have turned, the assembly, and what the integrator has learnt:
+        the same steps from there give the same bits. (Method msbdf begins its history anew.) A state belongs to the simulator that it is of.
+        """
+        return SimulatorState(_bind.keep_simulator(self._handle), self.t, self._q, self._qd, self._force)
+
+    @state.setter
+    def state(self, state: SimulatorState) -> None:
+        if not isinstance(state, SimulatorState):
+            raise InputError(f"state = {state!r} is no state of a simulator (expected what `state` has given)")
+        _bind.put_simulator_back(self._handle, state._handle)
+        self._force[:] = state._force
+        self._q[:], self._qd[:] = state.q, state.qd
+        self.t = state.t
+
     def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
         """Let a controller that samples at a rate lead the mechanism.
 
@@ -158,7 +200,8 @@ class Simulator:
 
     def _hold(self, force: ArrayLike) -> None:
         given = np.asarray(force, dtype=float)
-        if given.shape != (self._size,) or not np.isfinite(given).all():
+        # an infinite one is no force, and whether there is one the square tells sooner than a look at each
+        if given.shape != (self._size,) or not math.isfinite(given.dot(given)):
             given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
         self._force[: self._size] = given
 

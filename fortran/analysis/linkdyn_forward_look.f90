@@ -1,0 +1,152 @@
+!> The states in which steps end, looked at by a record: each once, on one lane, for all who judge steps.
+!>
+!> What is seen are energies, margins of the closed forms, and how what is watched moves (`linkdyn_look_program`). A state of which the
+!> record is not sure is left to the lanes, as everywhere.
+module linkdyn_forward_look
+    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch
+    use linkdyn_carried_assembly, only: carried_assembly
+    use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
+    use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, close_near, &
+        is_led_there
+    use linkdyn_forward_state, only: state_layout
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_look_program, only: look_choice
+    use linkdyn_model, only: model_type
+    use linkdyn_recorded_rates, only: recorded_rates, run_looks
+    implicit none (type, external)
+    private
+    public :: forward_look, choose_looks, use_looks, free_looks, see_end, see_energies, is_seen
+
+    type :: forward_look
+        logical :: is_usable = .false.
+        logical, private :: is_there = .false.         !! a state has been looked at, and is the first sample of these:
+        type(forward_record) :: record
+        real(wp), private :: t = 0                     !! it [s]
+        real(wp), allocatable, private :: y(:)         !! (n)
+    end type forward_look
+
+contains
+
+    !> What is to be seen of a scene's steps: it hangs on the model alone, so that all who share a record see the same.
+    subroutine choose_looks(model, is_free, choice)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_free(:)              !! coordinates that are not driven (n_q)
+        type(look_choice), intent(out) :: choice
+        type(coordinate_watch) :: watch
+        type(bounce_watch) :: bounce
+        integer :: v, k
+
+        allocate (choice%joint(0), choice%link(0), choice%compared(2, 0), choice%coordinate(0))
+        call prepare_bounce_watch(model, is_free, bounce)
+        if (bounce%is_on) then
+            choice%joint = bounce%joint
+            choice%link = bounce%link
+        end if
+        call prepare_watch(model, is_free, watch)
+        if (.not. watch%is_on) return
+        choice%coordinate = pack([(k, k=1, model%n_q)], watch%variable > 0)
+        choice%compared = reshape([(watch%joint(v), watch%place(v), v=1, model%n_variable)], [2, model%n_variable])
+        choice%compared = choice%compared(:, pack([(v, v=1, model%n_variable)], watch%is_candidate))
+    end subroutine choose_looks
+
+    !> Use a record of the scene, if that can look.
+    subroutine use_looks(model, recorded, look)
+        type(model_type), intent(in) :: model
+        type(recorded_rates), intent(in) :: recorded
+        type(forward_look), intent(out) :: look
+
+        look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. follows_assembly(model) &
+                         .and. size(recorded%model%group) == size(model%group)
+        if (look%is_usable) call use_forward_rates(model, recorded, look%record)
+    end subroutine use_looks
+
+    subroutine free_looks(look)
+        type(forward_look), intent(inout) :: look
+
+        call free_forward_record(look%record)
+        look%is_usable = .false.
+        look%is_there = .false.
+    end subroutine free_looks
+
+    !> Is this the state that has been seen?
+    pure logical function is_seen(look, t, y)
+        type(forward_look), intent(in) :: look
+        real(wp), intent(in) :: t, y(:)                !! [s], (n)
+
+        is_seen = look%is_there
+        if (is_seen) is_seen = t == look%t .and. all(y == look%y)
+    end function is_seen
+
+    !> Look at the state of which the run's record has just found the rates.
+    subroutine see_end(t, y, acceleration, evaluated, look)
+        real(wp), intent(in) :: t, y(:)                !! [s], (n)
+        real(wp), intent(in) :: acceleration(:)        !! (n_q)
+        type(forward_record), intent(in) :: evaluated  !! it is the first sample of
+        type(forward_look), intent(inout) :: look
+
+        associate (samples => look%record%samples, from => evaluated%samples)
+            samples%q(:, 1) = from%q(:, 1)
+            samples%qd(:, 1) = from%qd(:, 1)
+            samples%quaternion(:, 1) = from%quaternion(:, 1)
+            samples%branch(:, 1) = from%branch(:, 1)
+            samples%place(:, 1) = from%place(:, 1)
+            samples%group_margin(:, 1) = from%group_margin(:, 1)
+            samples%qdd(:, 1) = acceleration
+            samples%is_left(1) = from%is_left(1)
+        end associate
+        call run_looks(look%record%recorded, 1, look%record%samples)
+        call note_first(t, y, evaluated, look)
+    end subroutine see_end
+
+    !> One that groups were led to, step by step, is left to the lanes, which count what they pass.
+    subroutine note_first(t, y, evaluated, look)
+        real(wp), intent(in) :: t, y(:)
+        type(forward_record), intent(in) :: evaluated
+        type(forward_look), intent(inout) :: look
+
+        look%is_there = .not. (look%record%samples%is_left(1) .or. is_led_there(evaluated))
+        look%t = t
+        look%y = y
+    end subroutine note_first
+
+    !> Energies of the state of which the run's record has just found the rates, and of some very near to it. The first is the state
+    !> that has been seen from here on.
+    subroutine see_energies(model, layout, t, y, turns, assembly, acceleration, evaluated, look, energy, kinetic, are_seen)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t, y(:, :)             !! [s], (n, state)
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        type(carried_assembly), intent(in) :: assembly
+        real(wp), intent(in) :: acceleration(:)        !! of the first (n_q)
+        type(forward_record), intent(in) :: evaluated
+        type(forward_look), intent(inout) :: look
+        real(wp), intent(out) :: energy(:), kinetic(:) !! [J] (state)
+        logical, intent(out) :: are_seen               !! false: the record is not sure of one
+        real(wp) :: lane_y(lanes, size(y, 1))
+        integer :: last, first, lane, n
+
+        ! the block with the state itself comes last
+        last = size(y, 2) - modulo(size(y, 2) - 1, lanes)
+        do first = last, 1, -lanes
+            n = min(lanes, size(y, 2) - first + 1)
+            do lane = 1, lanes
+                lane_y(lane, :) = y(:, min(first + lane - 1, size(y, 2)))
+            end do
+            call place_states(model, layout, assembly, n, spread(t, 1, lanes), lane_y, turns, &
+                              spread(.false., 1, model%n_actuator), look%record)
+            call close_near(model, evaluated, n, look%record)
+            associate (samples => look%record%samples, out => look%record%recorded%look)
+                samples%qdd(:, :n) = spread(acceleration, 2, n)
+                call run_looks(look%record%recorded, n, samples)
+                energy(first:first + n - 1) = samples%seen(out%energy, :n)
+                kinetic(first:first + n - 1) = samples%seen(out%kinetic, :n)
+                are_seen = .not. any(samples%is_left(:n))
+            end associate
+            if (.not. are_seen) exit
+        end do
+        look%is_there = .false.
+        if (are_seen) call note_first(t, y(:, 1), evaluated, look)
+    end subroutine see_energies
+end module linkdyn_forward_look

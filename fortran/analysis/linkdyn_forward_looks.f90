@@ -1,0 +1,76 @@
+!> The ends of steps, seen by the scene's record: who judges a step, and who goes on from it, shares what has been seen once.
+submodule (linkdyn_forward_system) linkdyn_forward_looks
+    use linkdyn_coordinate_watch, only: take_rates
+    use linkdyn_forward_look, only: see_end, see_energies, is_seen
+    use linkdyn_forward_record, only: accept_recorded
+    implicit none (type, external)
+
+contains
+
+    !> Has the state evaluated last been seen by the record, or can it be seen now?
+    module procedure sees_end
+        sees_end = self%looks%is_usable .and. self%is_by_record
+        if (.not. sees_end) return
+        sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
+        if (sees_end) return
+        call see_end(self%t_tried, self%y_tried, self%workspace%acceleration(1, :), self%record, self%looks)
+        sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
+    end procedure sees_end
+
+    !> Energies, less what was supplied, of the state evaluated last and of its neighbours.
+    module procedure see_surplus
+        real(wp), dimension(size(state, 2)) :: energy, kinetic
+
+        are_seen = self%looks%is_usable .and. self%is_by_record
+        if (are_seen) are_seen = t == self%t_tried .and. all(state(:, 1) == self%y_tried)
+        if (.not. are_seen) return
+        call see_energies(self%model, self%layout, t, state, self%turns, self%assembly, self%workspace%acceleration(1, :), &
+                          self%record, self%looks, energy, kinetic, are_seen)
+        if (.not. are_seen) return
+        surplus = energy - state(self%layout%supplied, :)
+        scale = abs(energy(1)) + kinetic(1) + abs(state(self%layout%supplied, 1))
+    end procedure see_surplus
+
+    !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were found.
+    module procedure accept_by_look
+        real(wp), dimension(lanes) :: energy, kinetic
+
+        is_done = self%looks%is_usable .and. self%lanes_are_one .and. all(is_accepted)
+        if (.not. is_done) return
+        is_done = is_seen(self%looks, t(1), y(1, :))
+        if (.not. is_done .and. self%is_by_record) then
+            if (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried)) is_done = sees_end(self)
+        end if
+        if (.not. is_done) return
+        associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)
+            associate (seen => record%samples%seen(:, 1))
+                call accept_recorded(self%model, t, seen(out%margin:out%margin + n - 1), seen(out%drift:out%drift + n - 1), &
+                                     record, self%assembly, is_done)
+                energy = seen(out%energy)
+                kinetic = seen(out%kinetic)
+            end associate
+        end associate
+        if (is_done) call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+    end procedure accept_by_look
+
+    !> How joints and links move that are watched for bounces.
+    module procedure seen_motion
+        integer :: n_joint, first
+
+        associate (out => self%looks%record%recorded%look, seen => self%looks%record%samples%seen(:, 1))
+            n_joint = size(self%bounce%joint)
+            first = merge(out%acceleration, out%rate, is_acceleration)
+            motion = 0
+            motion(1, :n_joint) = seen(first:first + n_joint - 1)
+            motion(:, n_joint + 1:) = reshape(seen(first + n_joint:first + n_joint + 3*size(self%bounce%link) - 1), &
+                                              [3, size(self%bounce%link)])
+        end associate
+    end procedure seen_motion
+
+    !> Rates of joint variables by coordinates that may be exchanged.
+    module procedure compare_seen
+        associate (out => self%looks%record%recorded%look)
+            call take_rates(self%looks%record%samples%seen(out%compared:out%n, 1), self%watch)
+        end associate
+    end procedure compare_seen
+end submodule linkdyn_forward_looks
