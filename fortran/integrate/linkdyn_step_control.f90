@@ -187,10 +187,8 @@ contains
             call try_length(self, system, self%step, t_end, trial)
             if (is_interrupted()) cycle
             call pause%note_work()
-            if (trial%part <= 1) call look_at_end(self, system, trial)
-            if (trial%part <= 1 .and. .not. trial%has_failed) call look_for_missed(self, trial)
+            if (trial%part <= 1) call look_at_step(self, system, trial, part)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
-                part = system%part_in_sight(self%t, trial%step, widest_gap, self%y, self%rate, trial%y, trial%rate)
                 if (part < 1) then
                     self%n_rejected = self%n_rejected + 1
                     self%step = part*trial%step
@@ -303,6 +301,20 @@ contains
         if (allocated(trial%way)) return
         allocate (trial%way(n), trial%error(n), trial%allowed(n), trial%y(n), trial%rest(n), trial%rate(n))
     end subroutine take_room
+
+    !> May a step be gone: does it end well, and has it leapt over nothing?
+    subroutine look_at_step(self, system, trial, part)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(inout) :: trial       !! tried last
+        real(wp), intent(out) :: part                  !! of it that may be gone at once; 1 if it has failed, too
+
+        part = 1
+        call look_at_end(self, system, trial)
+        if (.not. trial%has_failed) call look_for_missed(self, trial)
+        if (.not. trial%has_failed) &
+            part = system%part_in_sight(self%t, trial%step, widest_gap, self%y, self%rate, trial%y, trial%rate)
+    end subroutine look_at_step
 
     !> No step ends where rates cannot be had, nor where the law of the system is broken.
     subroutine look_at_end(self, system, trial)
@@ -510,13 +522,13 @@ contains
         type(trial_type), intent(inout) :: trial
         real(wp), intent(in) :: rough(:)               !! what rounding makes of its error (n)
         logical, intent(out) :: is_better
-        real(wp) :: score
+        real(wp) :: score, part
 
         score = max(trial%part, maxval(rough/trial%allowed))
         is_better = score < self%best_score
         if (.not. is_better) return
-        call look_at_end(self, system, trial)
-        is_better = .not. trial%has_failed
+        call look_at_step(self, system, trial, part)
+        is_better = .not. trial%has_failed .and. part >= 1
         if (.not. is_better) return
         self%best_score = score
         self%best = trial

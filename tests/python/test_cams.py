@@ -462,12 +462,13 @@ def instants(turned: np.ndarray, half: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", ["gbs", "rk8pd", "rkf45", "seulex", "msbdf"])
-@pytest.mark.parametrize("half", [8, 3, 1])
-def test_narrow_lifts_are_not_leapt_over(half: float, method: str) -> None:
-    """Between two lifts nothing asks for short steps, and a lift adds and takes no energy: whoever leaps over it is early, which only the instants tell: by 0.1 rad at least."""
+@pytest.mark.parametrize(("half", "tolerance"), [(8, 1e-8), (3, 1e-8), (1, 1e-8), (8, 1e-10)])
+def test_narrow_lifts_are_not_leapt_over(half: float, tolerance: float, method: str) -> None:
+    """Between two lifts nothing asks for short steps, and a lift adds and takes no energy: whoever leaps over one is early, which only
+    the instants tell: by 0.036 rad at least. At the tightest tolerance the dwell's steps are chosen among rounding."""
     half = np.radians(half)
     turned = np.linspace(0.0, 12 * 2 * np.pi, 13)
     t = instants(turned, half)
-    run = linkdyn.Scene(nose(half)).forward(t=t, method=method, rtol=1e-8, atol=1e-8)
+    run = linkdyn.Scene(nose(half)).forward(t=t, method=method, rtol=tolerance, atol=tolerance)
     assert not run.status.values.any()
-    np.testing.assert_allclose(run.q.values[:, 0], turned, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(run.q.values[:, 0], turned, rtol=0, atol=1e-2)
