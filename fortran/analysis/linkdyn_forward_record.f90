@@ -364,7 +364,7 @@ contains
         real(wp), dimension(place_size(model), model%n_link, n) :: stand, place
         real(wp) :: from(model%n_q, n)
         logical, dimension(n) :: is_closed, arrives
-        integer :: lane, g
+        integer :: lane
 
         associate (samples => record%samples, closing => record%recorded%closing)
             do lane = 1, n
@@ -379,15 +379,9 @@ contains
             record%is_led(:n) = arrives
             do lane = 1, n
                 if (arrives(lane)) place(:, :, lane) = stand(:, :, lane)
-                is_closed(lane) = is_closed(lane) .or. arrives(lane)
-                samples%place(:, lane) = reshape(place(:, :, lane), [size(samples%place, 1)])
-                do g = 1, size(model%group)
-                    is_closed(lane) = is_closed(lane) .and. is_surely_certain(samples%group_margin(g, lane), &
-                                                                              size(model%group(g)%unit))
-                end do
             end do
-            samples%is_left(:n) = .not. is_closed
         end associate
+        call take_places(model, place, is_closed .or. arrives, record)
     end subroutine close_groups
 
     !> The same at states that lie very near to one that has been evaluated: from there.
@@ -398,7 +392,7 @@ contains
         type(forward_record), intent(inout) :: record
         real(wp) :: place(place_size(model), model%n_link, n)
         logical :: is_closed(n)
-        integer :: lane, g
+        integer :: lane
 
         if (.not. places_groups(record%recorded)) return
         associate (samples => record%samples)
@@ -408,16 +402,29 @@ contains
             is_closed = .not. samples%is_left(:n)
             call close_places(model, record%recorded%closing, samples%q(:, :n), samples%branch(:, :n), place, &
                               samples%group_margin(:, :n), is_closed)
-            do lane = 1, n
+        end associate
+        call take_places(model, place, is_closed, record)
+    end subroutine close_near
+
+    !> Places that were found for the first samples. Of those that are not surely certain there the lanes say how they are.
+    subroutine take_places(model, place, is_closed, record)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: place(:, :, :)         !! (place_size, n_link, sample)
+        logical, intent(in) :: is_closed(:)            !! (sample)
+        type(forward_record), intent(inout) :: record
+        integer :: lane, g
+
+        associate (samples => record%samples)
+            do lane = 1, size(is_closed)
                 samples%place(:, lane) = reshape(place(:, :, lane), [size(samples%place, 1)])
+                samples%is_left(lane) = .not. is_closed(lane)
                 do g = 1, size(model%group)
-                    is_closed(lane) = is_closed(lane) .and. is_surely_certain(samples%group_margin(g, lane), &
-                                                                              size(model%group(g)%unit))
+                    samples%is_left(lane) = samples%is_left(lane) .or. &
+                                            .not. is_surely_certain(samples%group_margin(g, lane), size(model%group(g)%unit))
                 end do
             end do
-            samples%is_left(:n) = .not. is_closed
         end associate
-    end subroutine close_near
+    end subroutine take_places
 
     !> The first n states have been looked at: the next ones set out from those that the record serves.
     subroutine keep_stages(assembly, n, record)
