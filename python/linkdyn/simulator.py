@@ -142,7 +142,7 @@ class Simulator:
         _bind.put_simulator_back(self._handle, state._handle)
         self._force[:] = state._force
         self._q[:], self._qd[:] = state.q, state.qd
-        self.t = state.t
+        self.t: float = state.t
 
     def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
         """Let a controller that samples at a rate lead the mechanism.
@@ -209,7 +209,7 @@ class Simulator:
         """In pieces, between which Python hears an interrupt."""
         try:
             while True:
-                self.t: float = _bind.step_simulator(self._handle, t_end, self._force, self._size, self._q, self._qd)
+                self.t = _bind.step_simulator(self._handle, t_end, self._force, self._size, self._q, self._qd)
                 if self.t >= t_end:
                     return
         except _bind.Stopped as stopped:
