@@ -21,7 +21,7 @@ contains
     module procedure see_surplus
         real(wp), dimension(size(state, 2)) :: energy, kinetic
 
-        are_seen = self%looks%is_usable .and. self%is_by_record
+        are_seen = self%looks%is_usable .and. self%is_by_record .and. is_by_record(self%energy)
         if (are_seen) are_seen = t == self%t_tried .and. all(state(:, 1) == self%y_tried)
         if (.not. are_seen) return
         call see_energies(self%model, self%layout, t, state, self%turns, self%assembly, self%workspace%acceleration(1, :), &
@@ -50,7 +50,9 @@ contains
                 kinetic = seen(out%kinetic)
             end associate
         end associate
-        if (is_done) call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+        if (.not. is_done) return
+        call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+        call note_record(t(1), y(1, :), self%turns, self%energy)
     end procedure accept_by_look
 
     !> How joints and links move that are watched for bounces.

@@ -24,7 +24,8 @@ module linkdyn_forward_system
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, list_neighbours, find_surplus, compare_surplus
+    use linkdyn_energy_check, only: energy_check, weigh_energy, note_record, is_by_record, weigh_again, judge_steps, &
+        list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
@@ -887,7 +888,10 @@ contains
         state = list_neighbours(y, nudge, error)
         allocate (surplus(size(state, 2)))
         call see_surplus(self, t, state, surplus, scale, are_seen)
-        if (.not. are_seen) call find_surplus(self%model, self%layout, t, state, self%turns, self%assembly, surplus, scale)
+        if (.not. are_seen) then
+            call weigh_again(self%model, self%layout, self%assembly, self%energy)
+            call find_surplus(self%model, self%layout, t, state, self%turns, self%assembly, surplus, scale)
+        end if
         call compare_surplus(surplus, scale, self%energy, part)
     end function broken_law
 
