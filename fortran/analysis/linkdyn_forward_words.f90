@@ -62,7 +62,7 @@ contains
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
         character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
             //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
-        integer :: stalled
+        integer :: stalled, lane
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
         ! However the steps have come to their end, by what they lost or by how short they became: this is why.
@@ -111,9 +111,13 @@ contains
                 if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
                     "(expected a law that changes over a small speed, tanh(v/v0))"
             case default
-                if (run%system%workspace%status(1) /= sample_ok) then
-                    reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
-                    if (run%system%workspace%status(1) == sample_not_converged) reason = reason//too_long_in_words(run)
+                ! whichever of the stages side by side has failed
+                lane = findloc(run%system%workspace%status /= sample_ok, .true., dim=1)
+                if (lane > 0) then
+                    associate (status => run%system%workspace%status(lane))
+                        reason = reason//failure_at(run%model, run%system%workspace%state, status, lane)//" beyond"
+                        if (status == sample_not_converged) reason = reason//too_long_in_words(run)
+                    end associate
                 else
                     reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
                 end if
