@@ -29,7 +29,7 @@ contains
         if (size(angles%variable) == 0) return
         last = 0
         do i = 1, size(variable, 2)
-            if (.not. is_finite(variable(:, i), rate(:, i))) cycle
+            if (.not. all(abs(variable(:, i)) + abs(rate(:, i)) <= huge(1.0_wp))) cycle
             about = 0
             if (turns%has_begun .and. any(angles%coordinate == 0) .and. .not. is_anew(assembly, i)) then
                 if (last > 0) then
@@ -91,16 +91,6 @@ contains
             turns%place = assembly%place(:, :, last)
         end subroutine come_to_last
     end procedure count_turns_on_way
-
-    pure logical function is_finite(variable, rate)
-        real(wp), intent(in), contiguous :: variable(:), rate(:)
-        integer :: v
-
-        is_finite = .true.
-        do v = 1, size(variable)
-            is_finite = is_finite .and. abs(variable(v)) + abs(rate(v)) <= huge(1.0_wp)
-        end do
-    end function is_finite
 
     !> Was a sample reached from elsewhere than the last one?
     pure logical function is_anew(assembly, i)

@@ -59,6 +59,8 @@ class Simulator:
         (n_q,) Coordinates and their rates there [m, rad; /s], in the order of ``scene.coordinates``; to read only.
     """
 
+    t: float
+
     def __init__(self, scene: Scene, handle: int, method: str, settings: tuple[float, float, float], t: float) -> None:
         self.scene = scene
         self._size = len(scene.actuators)
@@ -142,7 +144,7 @@ class Simulator:
         _bind.put_simulator_back(self._handle, state._handle)
         self._force[:] = state._force
         self._q[:], self._qd[:] = state.q, state.qd
-        self.t: float = state.t
+        self.t = state.t
 
     def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
         """Let a controller that samples at a rate lead the mechanism.
