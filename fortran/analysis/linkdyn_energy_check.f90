@@ -7,10 +7,11 @@ module linkdyn_energy_check
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: energy_check, weigh_energy, note_record, is_by_record, weigh_again, judge_steps, list_neighbours, find_surplus, &
-        compare_surplus
+    public :: energy_check, weigh_energy, note_record, is_by_record, leave_turns_out, weigh_again, judge_steps, &
+        list_neighbours, find_surplus, compare_surplus
 
     integer, parameter :: n_nudge = 3                  !! states a very little further on
 
@@ -70,6 +71,16 @@ contains
 
         is_by_record = check%is_by_record
     end function is_by_record
+
+    !> The next steps set out from where these turns have been left out, and so does the way on which lanes look at it again.
+    pure subroutine leave_turns_out(turns, check)
+        real(wp), intent(in) :: turns(:, :)            !! (lane, n)
+        type(energy_check), intent(inout) :: check
+
+        if (.not. check%is_by_record) return
+        check%y = with_turns(check%y, -turns(1, :))
+        check%turns = check%turns + turns
+    end subroutine leave_turns_out
 
     !> Lanes look at a state: the accepted one is to have its energy from them, too.
     subroutine weigh_again(model, layout, assembly, check)

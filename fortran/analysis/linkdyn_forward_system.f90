@@ -24,8 +24,8 @@ module linkdyn_forward_system
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_energy_check, only: energy_check, weigh_energy, note_record, is_by_record, weigh_again, judge_steps, &
-        list_neighbours, find_surplus, compare_surplus
+    use linkdyn_energy_check, only: energy_check, weigh_energy, note_record, is_by_record, leave_turns_out, weigh_again, &
+        judge_steps, list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
@@ -903,6 +903,7 @@ contains
 
         self%turns = self%turns + turns
         if (.not. self%assembly%is_needed) return
+        call leave_turns_out(turns, self%energy)
         do k = 1, self%model%n_q
             associate (p => self%layout%position(k))
                 if (p > 0) self%assembly%q(:, k) = with_turns(self%assembly%q(:, k), -turns(:, p))

@@ -280,6 +280,15 @@ def test_only_the_bad_one_of_two_is_exchanged(method: str) -> None:
     assert_alike(run, other, 1e-8)
 
 
+@pytest.mark.parametrize("joints", [("B", "C"), ("C", "D"), ("A", "C")])
+def test_no_tolerance_stops_it(joints: tuple[str, ...]) -> None:
+    """Energy is weighed by the record at one end of a step and by the lanes at the next, with turns left out in between."""
+    scene = linkdyn.Scene(with_coordinates(five_bar(), joints))
+    t = np.linspace(0.0, 4.0, 201)
+    for tolerance in np.geomspace(1e-13, 1e-8, 26):
+        assert scene.forward(t=t, rtol=tolerance, atol=tolerance).attrs["stopped"] == "", tolerance
+
+
 def test_driven_coordinates_are_kept() -> None:
     """The left crank follows its law; it is the right one that is exchanged for the rods' joint."""
     given = five_bar()
