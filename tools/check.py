@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,6 +131,7 @@ WAYS = {
     ),
 }
 """Names are those of `make check-NAME`."""
+OTHERS = {"test": "all tests of the ordinary build", "blas": "accuracy with other BLAS kernels"}
 
 KERNELS = {
     "Nehalem": ("sse4_2",),
@@ -196,7 +198,10 @@ def lacks_kernel(name: str) -> str:
 
 
 def run_named(name: str) -> Iterator[tuple[str, Count | str]]:
-    """A way, or the kernels of BLAS, as they are named after `make check-`."""
+    """All tests of the ordinary build, a way, or the kernels of BLAS, as they are named after `make check-`."""
+    if name == "test":
+        yield name, run_all(ORDINARY, [])
+        return
     if name == "blas":
         yield from run_kernels()
         return
@@ -214,18 +219,16 @@ def main(*names: str) -> int:
     os.environ.setdefault("LINKDYN_FUZZ_CASES", FUZZ_CASES)
     total, lines = Count(), []
     for name in names or known:
-        if name == "test":
-            total += run_all(ORDINARY, [])
-            lines.append(f"  {name:14} {total}")
-            continue
-        says = WAYS[name].says if name in WAYS else "accuracy with other BLAS kernels"
+        says = WAYS[name].says if name in WAYS else OTHERS[name]
         print(f"\n=== {name}: {says}", flush=True)
+        start = time.monotonic()
         for title, result in run_named(name):
             if isinstance(result, str):
                 lines.append(f"  {title:14} NOT RUN: {result}")
             else:
                 total += result
-                lines.append(f"  {title:14} {result}")
+                lines.append(f"  {title:14} {result} in {time.monotonic() - start:.0f} s")
+            start = time.monotonic()
     print("\n".join(["", *lines]))
     return close(total)
 
