@@ -768,7 +768,7 @@ contains
     end subroutine api_set_simulator
 
     !> Go on to an instant under given forces, or as far as a quarter of a second leads, and tell where the mechanism is then; an
-    !> instant that is reached already: only tell.
+    !> instant that is reached already: only tell. So short a call need not listen to Ctrl-C itself.
     subroutine api_step_simulator(simulator_handle, t_end, n_force, force, n_q, q, n_qd, qd, t, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: simulator_handle
@@ -788,9 +788,7 @@ contains
         if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) then
-            call start_listening()
             if (is_ahead(here)) call here%is%step(t_end, force, status)
-            call stop_listening()
             if (allocated(here%is%integrator)) call here%is%read(t, q, qd)
         end if
         call leave_simulator(simulator_handle, here)

@@ -72,6 +72,7 @@ contains
         real(wp) :: rest
 
         whole = angle
+        if (turns == 0) return
         rest = 0
         call take_off(-turns, whole, rest)
     end function with_turns
