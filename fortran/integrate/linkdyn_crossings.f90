@@ -454,7 +454,7 @@ contains
         call value_at(b, of_b)
         call value_at(c, of_c)
         do try = 1, most_tries
-            is_open = is_open .and. of_b > 0 .and. c - a > 1.0e-7_wp
+            is_open = is_open .and. of_b >= 0 .and. c - a > 1.0e-7_wp
             if (.not. any(is_open)) exit
             slope = (of_c - of_b)/(c - b)
             bend = slope - (of_b - of_a)/(b - a)
@@ -503,7 +503,7 @@ contains
 
     contains
 
-        !> Positive before the crossing.
+        !> Positive before the crossing. What is noise is no dip: behind a release gaps grow from nothing.
         subroutine value_at(share, value)
             real(wp), intent(in) :: share(lanes)
             real(wp), intent(out) :: value(lanes)
@@ -512,6 +512,7 @@ contains
             call step%retake(system, share, y)
             call system%evaluate_guards(step%t + share*step%length, y, guard)
             value = side*guard(:, i)
+            where (abs(value) < noise*system%guard_scale(:, i)) value = 0
         end subroutine value_at
     end subroutine search_dip
 

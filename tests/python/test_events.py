@@ -128,6 +128,16 @@ def test_it_leaves_when_the_stop_would_pull(restitution, method):
     np.testing.assert_allclose(run.q.values[:, 0], exact, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "rkf45"])
+def test_no_tolerance_stops_it_at_a_release(method):
+    """A gap grows with the third power of time from a release: for long rounding has it on either side of nothing, which is no impact."""
+    scene = linkdyn.load(EXAMPLES / "stopped_rocker/scene.toml")
+    for tolerance in np.geomspace(1e-8, 1e-5, 25):
+        run = scene.forward(method=method, rtol=tolerance, atol=tolerance)
+        assert run.attrs["stopped"] == "", tolerance
+        assert (run.event_kind.values[run.event_time.values > 1.0] == 3).sum() == 1
+
+
 def test_between_two_stops():
     # No force between them: each flight takes 1/e of the time of the one before.
     e, width = 0.7, 0.6
