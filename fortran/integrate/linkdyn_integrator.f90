@@ -438,11 +438,13 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
+        integer, parameter :: most_unsound = 5         !! steps tried from one place
         real(wp) :: h, h_seen, t_before, t_next, solution(size(y, 2)), kept(lanes, size(y, 2))
         logical :: ok, is_sound
-        integer :: n_jump
+        integer :: n_jump, n_unsound
 
         solution = y(1, :)
+        n_unsound = 0
         do while (self%t < t_end)
             if (must_pause(self)) exit
             h = self%next_step
@@ -474,6 +476,11 @@ contains
             end if
             if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
             is_sound = keeps_law(self, system, solution)
+            n_unsound = merge(0, n_unsound + 1, is_sound .or. system%n_jump > n_jump)
+            if (modulo(n_unsound, most_unsound) > 0) then
+                call take_back(self, t_before, y, solution)
+                cycle
+            end if
             call go_on(self, system, solution, self%t - t_before, y)
             if (.not. (is_sound .or. all(self%failed))) call undo_broken_steps(self, system, n_jump, kept, y)
             if (all(self%failed) .and. self%reason == stop_law) self%good_until = t_before
@@ -492,6 +499,23 @@ contains
         end do
         call count_work(self)
     end subroutine advance_multistep
+
+    !> A step of the multistep method is none. Its Newton iteration keeps a Jacobian for fifty steps; once f hardly depends on y any
+    !> more, one of stiffer times makes corrections of next to nothing, and the history is taken for the solution. Begun anew the method
+    !> has a Jacobian of here.
+    subroutine take_back(self, t_before, y, solution)
+        type(integrator_type), intent(inout) :: self
+        real(wp), intent(in) :: t_before
+        real(wp), intent(in) :: y(:, :)                         !! there (lane, n)
+        real(wp), intent(out) :: solution(:)
+        real(wp), parameter :: shorter = 0.2_wp
+
+        self%next_step = shorter*(self%t - t_before)
+        self%t = t_before
+        solution = y(1, :)
+        self%is_at_crossing = .false.
+        call self%gsl%reset()
+    end subroutine take_back
 
     !> How long a step may be whose stages leap over nothing that the system does within it.
     real(wp) function length_in_sight(system, t, t_end, y, y_end) result(length)

@@ -86,7 +86,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
 
 def _only(content: dict[str, Any], gravity: bool = False, preload: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
     """The scene with inertia, and gravity, preloads of drives or one load, spring or stop if that is to be kept."""
-    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "friction", "stop", "event", "sweep")}
+    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "friction", "stop", "sweep")}
     if not gravity:
         changed.pop("gravity", None)
     if not preload and "actuator" in content:

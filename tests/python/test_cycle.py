@@ -184,6 +184,14 @@ def test_preloads_are_a_cause_of_their_own():
     np.testing.assert_allclose(found, [[0, 0], [0, 0], [4, 4], [4, -4]], atol=1e-12)
 
 
+def test_what_events_bring_on_has_causes():
+    """A brake that an event brings on stays in the scenes by which causes are found: they were refused, for the event was not there."""
+    scene = linkdyn.load(Path(__file__).resolve().parents[2] / "examples" / "hoist" / "scene.toml")
+    for run in scene.inverse(), scene.forward(t=[0.0, 1.0, 2.0]):
+        found = run.linkdyn.contributions()
+        np.testing.assert_allclose(found.driving_force.sum("cause"), run.driving_force, atol=1e-9 * np.abs(run.driving_force).max())
+
+
 def test_contributions_of_a_forward_run():
     scene = linkdyn.new("four-bar")
     run = scene.forward(0.4)
