@@ -1,7 +1,7 @@
 !> Laws, and outlines of cams, along the way of a step that is to be accepted: what its stages may have leapt over.
 submodule (linkdyn_forward_system) linkdyn_forward_laws
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_cam_contact, only: asked_of_curve
+    use linkdyn_cam_contact, only: angle_on_cam
     use linkdyn_cam_sight, only: find_part_of_cams
     use linkdyn_constants, only: pi
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
@@ -9,7 +9,6 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_laws, only: evaluate_law
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: is_length
-    use linkdyn_vec2, only: vec2
     implicit none (type, external)
 
     !> Coordinates that turn farther between two places are not followed by them.
@@ -54,14 +53,12 @@ contains
         real(wp), intent(in) :: t(lanes)               !! [s]
         real(wp), intent(in) :: y(:, :)                !! (lane, n)
         real(wp), intent(out) :: direction(:, :)       !! (lane, cam)
-        type(vec2) :: seen
         integer :: k
 
         call self%look_closely(t, y)
         associate (look => self%look)
             do k = 1, self%model%n_cam
-                seen = asked_of_curve(self%model, self%of_cams(k)%joint, look%plane)
-                direction(:, k) = atan2(seen%y, seen%x)
+                direction(:, k) = angle_on_cam(self%model, look, self%of_cams(k)%joint)
                 where (look%not_converged .or. look%singular .or. look%unreachable) &
                     direction(:, k) = ieee_value(0.0_wp, ieee_quiet_nan)
             end do

@@ -1,14 +1,17 @@
 !> The mechanism while it is traced: the plan, its numbers as values, the inputs, and the motion found so far.
 module linkdyn_mechanism
+    use linkdyn_barrel_cam, only: barrel_cam
     use linkdyn_bodies, only: bodies_type, make_bodies, rotation_of, point_position
     use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
+    use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, holds_spin, step_ups, side_of
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
+    use linkdyn_scene, only: cam_spec
     use linkdyn_system, only: system_type
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, max
     use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
@@ -152,16 +155,29 @@ contains
             do j = 1, size(joint)
                 call make_joint_kind(joint(j)%kind, mechanism%kind(j))
                 call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
-                select type (kind => mechanism%kind(j)%is)
-                type is (cam)
-                    call kind%take(mechanism%model%scene%joint(j)%cam)
-                end select
+                if (joint(j)%kind == joint_cam) call take_cam(mechanism%model%scene%joint(j)%cam, mechanism%kind(j))
                 if (.not. mechanism%kind(j)%is%is_threaded) cycle
                 mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
                 mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch
             end do
         end associate
     end subroutine make_kinds
+
+    !> A cam with its curve, across its axis or about it.
+    subroutine take_cam(spec, box)
+        type(cam_spec), intent(in) :: spec
+        type(joint_kind_box), intent(inout) :: box
+
+        if (spec%is_barrel) then
+            deallocate (box%is)
+            allocate (barrel_cam :: box%is)
+            call box%is%describe(joint_cam)
+        end if
+        select type (kind => box%is)
+        class is (cam)
+            call kind%take(spec)
+        end select
+    end subroutine take_cam
 
     ! ---------------------------------------------------------------- numbers of the scene
 

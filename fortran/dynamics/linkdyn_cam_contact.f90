@@ -1,112 +1,141 @@
-!> Where a follower touches its cam, on lanes.
-!>
-!> To second order a cam is the circle that fits its outline best where it is touched. So place, normal and curvature there are all
-!> that velocities, accelerations and forces need, and these are exact.
+!> Where a follower touches its cam, on lanes, world axes.
 module linkdyn_cam_contact
-    use linkdyn_curve, only: curve_point, foot_of, touching_point
+    use linkdyn_curve, only: curve_point, foot_of, touching_point, radius_at
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of
-    use linkdyn_planar_motion, only: planar_motion
-    use linkdyn_scene, only: follower_flat
-    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
+    use linkdyn_marker_motion, only: link_axes, link_origin
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: cam_spec, follower_flat
+    use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: locate_contacts, locate_contact, asked_of_curve
+    public :: cam_contact, contact_of, angle_on_cam, marker_place, marker_axis
+
+    type :: cam_contact
+        type(vec3) :: point                              !! on the line of the force: the roller's centre, or where a face is touched [m]
+        type(vec3) :: normal                             !! from the cam to what is outside of it
+        real(wp) :: gap(lanes) = 0                       !! between follower and curve [m]
+    end type cam_contact
 
 contains
 
-    !> Contacts of those of some joints that are cams, from where their links are.
-    subroutine locate_contacts(model, joint, plane)
+    !> From where the links are.
+    function contact_of(model, state, j) result(contact)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: joint(:)
-        type(planar_motion), intent(inout) :: plane
-        integer :: i
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j                         !! joint
+        type(cam_contact) :: contact
+        real(wp) :: asked(lanes, 3), point(lanes, 3), normal(lanes, 3)
+        integer :: lane, before
 
-        do i = 1, size(joint)
-            if (model%joint(joint(i))%cam > 0) call locate_contact(model, joint(i), plane)
-        end do
-    end subroutine locate_contacts
-
-    !> What is asked of the curve, in the axes of the cam's marker: where the follower is, or the direction of its face.
-    function asked_of_curve(model, j, plane) result(seen)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: j
-        type(planar_motion), intent(in) :: plane
-        type(vec2) :: seen, x
-        integer :: o(2)
-
-        associate (joint => model%joint(j))
-            o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
-            x = plane%rotation(o(1)).rotate.joint%frame(:2, 1, 1)
-            if (model%scene%joint(j)%cam%follower == follower_flat) then
-                seen = in_frame(x, -1.0_wp*(plane%rotation(o(2)).rotate.joint%frame(:2, 3, 2)))
-            else
-                seen = in_frame(x, plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2)) &
-                                   - (plane%position(joint%link(1)) + (plane%rotation(o(1)).rotate.joint%point(:2, 1))))
-            end if
-        end associate
-    end function asked_of_curve
-
-    !> That of one.
-    subroutine locate_contact(model, j, plane)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: j
-        type(planar_motion), intent(inout) :: plane
-        type(vec2) :: centre, follower, seen, point, normal, x
-        type(curve_point) :: found
-        real(wp) :: off, round
-        integer :: o(2), lane, before
-
-        associate (joint => model%joint(j), cam => model%scene%joint(j)%cam, contact => plane%contact(model%joint(j)%cam))
-            o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
-            centre = plane%position(joint%link(1)) + (plane%rotation(o(1)).rotate.joint%point(:2, 1))
-            follower = plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2))
-            x = plane%rotation(o(1)).rotate.joint%frame(:2, 1, 1)
-            seen = asked_of_curve(model, j, plane)
-            off = cam%side*cam%radius
-            if (cam%is_path) off = 0
+        associate (cam => model%scene%joint(j)%cam)
+            asked = asked_of_curve(model, state, j)
             do lane = 1, lanes
                 ! a run on its own has the same on all lanes
                 before = max(1, lane - 1)
-                if (lane == 1 .or. seen%x(lane) /= seen%x(before) .or. seen%y(lane) /= seen%y(before)) then
-                    if (cam%follower == follower_flat) then
-                        found = touching_point(cam%curve, [seen%x(lane), seen%y(lane)])
-                    else
-                        found = foot_of(cam%curve, [seen%x(lane), seen%y(lane)])
-                    end if
+                if (lane == 1 .or. any(abs(asked(lane, :) - asked(before, :)) > 0)) then
+                    call find_contact(cam, asked(lane, :), point(lane, :), normal(lane, :))
+                else
+                    point(lane, :) = point(before, :)
+                    normal(lane, :) = normal(before, :)
                 end if
-                round = 1/found%curvature
-                if (cam%follower /= follower_flat) round = found%curvature/(1 + off*found%curvature)
-                point%x(lane) = found%at(1) + off*found%normal(1)
-                point%y(lane) = found%at(2) + off*found%normal(2)
-                normal%x(lane) = found%normal(1)
-                normal%y(lane) = found%normal(2)
-                contact%round(lane) = round
             end do
-            contact%point = centre + out_of_frame(x, point)
-            contact%normal = out_of_frame(x, normal)
-            if (cam%follower == follower_flat) contact%normal = -1.0_wp*(plane%rotation(o(2)).rotate.joint%frame(:2, 3, 2))
-            contact%gap = contact%normal.dot.(follower - contact%point)
-            contact%arm = 0
-            if (cam%follower == follower_flat) then
-                contact%arm = (contact%point - follower) .cross.contact%normal
-            end if
+            contact%point = marker_place(model, state, j, 1) + in_space(model, state, j, point)
+            contact%normal = in_space(model, state, j, normal)
+            if (cam%follower == follower_flat) contact%normal = -1.0_wp*marker_axis(model, state, j, 2, 3)
+            contact%gap = contact%normal.dot.(marker_place(model, state, j, 2) - contact%point)
         end associate
-    end subroutine locate_contact
+    end function contact_of
 
-    !> A vector of the world in axes whose x is given, and back.
-    pure function in_frame(x, v) result(w)
-        type(vec2), intent(in) :: x, v
-        type(vec2) :: w
+    !> The direction in which a cam is touched, about its axis [rad].
+    function angle_on_cam(model, state, j) result(angle)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp) :: angle(lanes)
+        real(wp) :: asked(lanes, 3)
 
-        w = vec2(x.dot.v, x.cross.v)
-    end function in_frame
+        asked = asked_of_curve(model, state, j)
+        angle = atan2(asked(:, 2), asked(:, 1))
+    end function angle_on_cam
 
-    pure function out_of_frame(x, w) result(v)
-        type(vec2), intent(in) :: x, w
-        type(vec2) :: v
+    !> Where the follower is, or the direction of its face, in the axes of the cam's marker.
+    function asked_of_curve(model, state, j) result(asked)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp) :: asked(lanes, 3)
+        type(vec3) :: seen
+        integer :: k
 
-        v = vec2(x%x*w%x - x%y*w%y, x%y*w%x + x%x*w%y)
-    end function out_of_frame
+        if (model%scene%joint(j)%cam%follower == follower_flat) then
+            seen = -1.0_wp*marker_axis(model, state, j, 2, 3)
+        else
+            seen = marker_place(model, state, j, 2) - marker_place(model, state, j, 1)
+        end if
+        do k = 1, 3
+            asked(:, k) = marker_axis(model, state, j, 1, k) .dot.seen
+        end do
+    end function asked_of_curve
+
+    !> One point of the curve or path, and its normal, in the axes of the cam's marker.
+    pure subroutine find_contact(cam, asked, point, normal)
+        type(cam_spec), intent(in) :: cam
+        real(wp), intent(in) :: asked(3)
+        real(wp), intent(out) :: point(3), normal(3)
+        type(curve_point) :: found
+        real(wp) :: far, radius, slope
+
+        if (cam%is_barrel) then
+            far = norm2(asked(:2))
+            call radius_at(cam%curve, atan2(asked(2), asked(1)), radius, slope)
+            point = [asked(:2), cam%ground + radius]
+            normal = [slope*asked(2)/far**2, -slope*asked(1)/far**2, 1.0_wp]
+            normal = normal/norm2(normal)
+            return
+        end if
+        if (cam%follower == follower_flat) then
+            found = touching_point(cam%curve, asked(:2))
+        else
+            found = foot_of(cam%curve, asked(:2))
+            if (.not. cam%is_path) found%at = found%at + cam%side*cam%radius*found%normal
+        end if
+        point = [found%at, merge(0.0_wp, asked(3), cam%follower == follower_flat)]
+        normal = [found%normal, 0.0_wp]
+    end subroutine find_contact
+
+    !> A joint's marker.
+    function marker_place(model, state, j, side) result(place)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, side
+        type(vec3) :: place
+
+        associate (link => model%joint(j)%link(side))
+            place = link_origin(model, state, link) + (link_axes(model, state, link) .rotate.model%joint(j)%point(:, side))
+        end associate
+    end function marker_place
+
+    !> One of its axes.
+    function marker_axis(model, state, j, side, k) result(axis)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, side, k
+        type(vec3) :: axis
+
+        axis = link_axes(model, state, model%joint(j)%link(side)) .rotate.model%joint(j)%frame(:, k, side)
+    end function marker_axis
+
+    !> A vector that is given in the axes of the cam's marker.
+    function in_space(model, state, j, v) result(w)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp), intent(in) :: v(:, :)                  !! (lane, 3)
+        type(vec3) :: w
+
+        w = v(:, 1)*marker_axis(model, state, j, 1, 1) + v(:, 2)*marker_axis(model, state, j, 1, 2) &
+            + v(:, 3)*marker_axis(model, state, j, 1, 3)
+    end function in_space
 end module linkdyn_cam_contact

@@ -3,7 +3,6 @@
 !> The matrix of the constraints serves the errors of places, velocities, and accelerations; it is solved here, with pivots for each
 !> lane.
 module linkdyn_group_closing
-    use linkdyn_cam_contact, only: locate_contacts
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
@@ -133,7 +132,7 @@ contains
 
     ! ---------------------------------------------------------------- joints
 
-    !> How far joints are slid, and where followers touch. An axis turned end for end satisfies the equations but is no assembly of the
+    !> How far joints are slid. An axis turned end for end satisfies the equations but is no assembly of the
     !> joint.
     subroutine look_at_joints(model, use, state)
         type(model_type), intent(in) :: model
@@ -154,7 +153,6 @@ contains
             do i = n + 1, n + use%kernels%n_facing
                 state%not_converged = state%not_converged .or. found(:, i) < 0
             end do
-            if (model%is_planar) call locate_contacts(model, joint, state%plane)
         end associate
     end subroutine look_at_joints
 

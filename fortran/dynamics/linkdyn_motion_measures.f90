@@ -1,6 +1,7 @@
 !> Figures of a motion: energies, how well the loops are closed.
 module linkdyn_motion_measures
     use linkdyn_belt_measures, only: strand_energy
+    use linkdyn_cam_contact, only: cam_contact, contact_of
     use linkdyn_joint_rates, only: joint_view, view_joint, told_frame, joint_rate
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, &
         along_z, along_axes, along_x_and_y, &
@@ -112,12 +113,14 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: gap(lanes)    !! [m, rad]
+        type(cam_contact) :: contact
         integer :: j
 
         gap = 0
         do j = 1, model%n_joint
             if (model%joint(j)%cam > 0) then
-                gap = max(gap, abs(state%plane%contact(model%joint(j)%cam)%gap))
+                contact = contact_of(model, state, j)
+                gap = max(gap, abs(contact%gap))
             else if (.not. is_geared(model%joint(j)%told_kind)) then
                 gap = max(gap, gap_of_joint(model, state, j))
             end if

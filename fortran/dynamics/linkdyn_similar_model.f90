@@ -63,6 +63,7 @@ contains
             similar%joint(i)%reach = scale*model%joint(i)%reach
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%scene%joint(i)%cam%radius = scale*model%scene%joint(i)%cam%radius
+            similar%scene%joint(i)%cam%ground = scale*model%scene%joint(i)%cam%ground
             associate (curve => similar%scene%joint(i)%cam%curve)
                 if (allocated(curve%u)) &
                     call scale_curve(scale, [(near_one([copy, of_cam, i, k]), k=1, size(curve%u) - 1)], curve)

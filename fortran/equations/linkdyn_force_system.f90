@@ -135,7 +135,7 @@ contains
             call note("Fn", is_moment=.false., axis=0, is_thread=.false.)
             associate (size => unknowns%press(c))
                 select type (kind => mechanism%kind(j)%is)
-                type is (cam)
+                class is (cam)
                     acting%force = size*turned(mechanism%bodies, kind%normal(pair_of(mechanism, j)), 0, acting%turning)
                     acting%moment = size*turned(mechanism%bodies, kind%arm(pair_of(mechanism, j))*unit_vector(3), 0, &
                                                 acting%turning)

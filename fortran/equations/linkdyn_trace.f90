@@ -4,7 +4,7 @@ module linkdyn_trace
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_drive_sharing, only: share_work
-    use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench
+    use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
         in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted, in_motion, &
@@ -229,7 +229,12 @@ contains
             end do
             do i = 1, n_clutch(model%scene)
                 associate (clutch => model%scene%clutch(i), force => traced%in%of(in_clutch)%v(i))
-                    call push(clutch%joint(1), clutch%variable(1), force)
+                    if (clutch%friction > 0) then
+                        if (.not. is_zero(force)) &
+                            traced%acting = [traced%acting, holding_wrench(traced%mechanism, clutch%joint(1), force)]
+                    else
+                        call push(clutch%joint(1), clutch%variable(1), force)
+                    end if
                     if (clutch%n_side == 2) call push(clutch%joint(2), clutch%variable(2), -clutch%ratio*force)
                 end associate
             end do

@@ -1,7 +1,7 @@
 !> Friction in joints: how contacts slide, the wrenches of friction of given amounts, and what of reactions presses. See
 !> `linkdyn_contact`.
 module linkdyn_friction
-    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_bodies, only: world_axes, omega_of
     use linkdyn_contact, only: contact_type, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
         form_thread, form_plate
@@ -14,7 +14,7 @@ module linkdyn_friction
         operator(.cross.)
     implicit none (type, external)
     private
-    public :: contact_motion, move_contacts, friction_wrench, pressing_parts, pressing_force
+    public :: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts, pressing_force
 
     !> A contact in motion, in the axes of a turning.
     type :: contact_motion
@@ -69,8 +69,8 @@ contains
                         motion%turn = rate(1)*frame%z
                         motion%slide = rate(2)*frame%z
                     case (form_thread)
-                        motion%turn = rate(1)*frame%z
-                        motion%slide = (contact%pitch*rate(1))*frame%z
+                        motion%turn = one_way(contact, sense, rate(1))*frame%z
+                        motion%slide = contact%pitch*motion%turn
                     case (form_plate)
                         motion%slide = rate(1)*frame%x + rate(2)*frame%y
                         motion%turn = rate(3)*frame%z
@@ -112,6 +112,26 @@ contains
             acting%moment = -((contact%radius**2*amount + contact%turn_damping)*motion%turn)
         end associate
     end function friction_wrench
+
+    !> What holds a joint that sticks, by its force at the joint variable. A thread holds along its surface, as it would rub: what presses its
+    !> flanks is then the reaction.
+    function holding_wrench(mechanism, joint, force) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint
+        type(value), intent(in) :: force               !! [N, N m]
+        type(acting_type) :: acting
+        integer :: i
+
+        acting = at_joint_variable(mechanism, joint, 1, force)
+        do i = 1, size(mechanism%model%contact)
+            associate (contact => mechanism%model%contact(i))
+                if (contact%joint /= joint .or. contact%form /= form_thread) cycle
+                acting%moment = (1/lever_of(contact)**2)*acting%moment
+                acting%force = contact%pitch*acting%moment
+                acting%moment = contact%radius**2*acting%moment
+            end associate
+        end do
+    end function holding_wrench
 
     !> What a contact feels of its joint's reaction: as on lanes, the forces at both ends and one along the axis.
     function pressing_parts(mechanism, i, motion, reaction) result(press)

@@ -267,7 +267,8 @@ contains
         associate (curve => cam%curve)
             text = ","//pair("follower", string(follower_name(cam%follower)))//","//pair("radius", number(cam%radius))//","// &
                 pair("side", integer_value(cam%side))//","//pair("groove", logical_value(cam%is_groove))//","// &
-                pair("path", logical_value(cam%is_path))//',"curve":{'//pair("polar", logical_value(curve%is_polar))//","// &
+                pair("path", logical_value(cam%is_path))//","//pair("barrel", logical_value(cam%is_barrel))//","// &
+                pair("ground", number(cam%ground))//',"curve":{'//pair("polar", logical_value(curve%is_polar))//","// &
                 pair("u", numbers(curve%u))//","//pair("value", numbers([curve%value]))//","// &
                 pair("second", numbers([curve%second]))//"}"
         end associate

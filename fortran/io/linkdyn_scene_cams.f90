@@ -20,13 +20,17 @@ module linkdyn_scene_cams
     character(len=7), parameter :: side_name(3) = [character(len=7) :: "outside", "inside", "groove"]
     integer, parameter :: groove = 3
     integer, parameter :: least_points = 8
+    integer, parameter :: of_radius = 1, of_x_and_y = 2, of_height = 3
+    character(len=6), parameter :: of_curve(5) = [character(len=6) :: "angle", "radius", "x", "y", "height"]
+    character(len=6), parameter :: column(2, 3) = reshape(of_curve([1, 2, 3, 4, 1, 5]), [2, 3])
     real(wp), parameter :: closing = 1.0e-9_wp        !! how near, by its size, a row that closes the curve is to the first
 
 contains
 
     !> Keys of other kinds are refused.
-    subroutine read_cam(place, shelf, joint, status)
+    subroutine read_cam(place, planar, shelf, joint, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
         type(table_shelf), intent(inout) :: shelf
         type(joint_spec), intent(inout) :: joint
         type(status_type), intent(inout) :: status
@@ -34,8 +38,8 @@ contains
         integer :: k
 
         if (joint%kind == joint_cam) then
-            call read_follower(place, joint%cam, status)
-            call read_curve(place, shelf, joint%cam, status)
+            call read_follower(place, planar, joint%cam, status)
+            call read_curve(place, planar, shelf, joint%cam, status)
             call check_shape(place, joint%cam, status)
             return
         end if
@@ -47,8 +51,9 @@ contains
         end do
     end subroutine read_cam
 
-    subroutine read_follower(place, cam, status)
+    subroutine read_follower(place, planar, cam, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
         type(cam_spec), intent(inout) :: cam
         type(status_type), intent(inout) :: status
         integer :: side
@@ -69,6 +74,9 @@ contains
         else if (has_radius .and. .not. cam%radius > 0) then
             call refuse_value(place, "radius", place%node%get("radius"), "= "//to_text(cam%radius) &
                               //" m (expected more than zero)", status)
+        else if (cam%follower == follower_flat .and. .not. planar) then
+            call refuse_value(place, "follower", place%node%get("follower"), "= ""flat"" exists in a plane only "// &
+                "(expected ""roller"" or ""point"")", status)
         else if (cam%follower == follower_flat .and. side /= 1) then
             call refuse_value(place, "side", place%node%get("side"), "has no meaning here: a flat face lies outside", status)
         end if
@@ -76,20 +84,21 @@ contains
 
     ! ---------------------------------------------------------------- the curve
 
-    !> From a file or from lists: radius over angle, or x and y.
-    subroutine read_curve(place, shelf, cam, status)
+    !> From a file or from lists: radius over angle, or x and y; in space, height over angle, too.
+    subroutine read_curve(place, planar, shelf, cam, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
         type(table_shelf), intent(inout) :: shelf
         type(cam_spec), intent(inout) :: cam
         type(status_type), intent(inout) :: status
         character(len=*), parameter :: expected = &
-            "{ table = ""cam.csv"" }, { angle = [..], radius = [..] } or { x = [..], y = [..] }"
+            "{ table = ""cam.csv"" }, { angle = [..], radius = [..] }, { x = [..], y = [..] } or { angle = [..], height = [..] }"
         type(toml_node) :: node
         type(scene_place) :: inner
         real(wp), allocatable :: first(:), second(:)
         real(wp) :: base
-        logical :: is_polar, found
-        integer :: of
+        logical :: has_of, found
+        integer :: of, form
 
         if (.not. status%is_ok()) return
         node = place%node%get("curve")
@@ -100,93 +109,114 @@ contains
         end if
         if (.not. status%is_ok()) return
         inner = place_at(place, node, trim(place%what)//", curve")
-        call allow_keys(inner, [character(len=6) :: "table", "angle", "radius", "x", "y", "base", "of"], status)
+        call allow_keys(inner, [character(len=6) :: "table", "angle", "radius", "x", "y", "height", "base", "of"], status)
         of = 1
-        call get_word(inner, "of", [character(len=7) :: "profile", "centre"], of, status, found)
-        if (status%is_ok() .and. found .and. cam%is_groove .and. of == 1) call refuse_value(inner, "of", node%get("of"), &
+        call get_word(inner, "of", [character(len=7) :: "profile", "centre"], of, status, has_of)
+        if (status%is_ok() .and. has_of .and. cam%is_groove .and. of == 1) call refuse_value(inner, "of", node%get("of"), &
             "= ""profile"" has no meaning here: the curve of a groove is that of the roller's centre", status)
         if (status%is_ok() .and. of == 2 .and. cam%follower == follower_flat) call refuse_value(inner, "of", node%get("of"), &
             "has no meaning here: a flat face has no centre", status)
         cam%is_path = cam%is_path .or. of == 2
-        call read_points(inner, shelf, is_polar, first, second, status)
+        call read_points(inner, shelf, form, first, second, status)
         base = 0
         call get_quantity(inner, "base", length, base, status, found)
         if (.not. status%is_ok()) return
-        if (is_polar) then
-            second = base + second
-            call close_turn(inner, first, second, status)
-            if (status%is_ok()) call make_polar_curve(first, second, cam%curve)
-        else if (found) then
-            call refuse_value(inner, "base", node%get("base"), "has no meaning here: it is added to radii", status)
-        else
+        cam%is_barrel = form == of_height
+        if (cam%is_barrel .and. planar) then
+            call refuse(inner, "goes over heights, round a drum in space (expected radii, or x and y)", status)
+        else if (cam%is_barrel .and. has_of) then
+            call refuse_value(inner, "of", node%get("of"), "has no meaning here: heights are those of the roller's centre", status)
+        else if (form == of_x_and_y .and. found) then
+            call refuse_value(inner, "base", node%get("base"), "has no meaning here: it is added to radii or heights", status)
+        end if
+        if (.not. status%is_ok()) return
+        if (form == of_x_and_y) then
             call close_points(inner, first, second, status)
             if (status%is_ok()) call make_curve(first, second, cam%curve)
+        else
+            second = base + second
+            call close_turn(inner, merge("height", "radius", cam%is_barrel), first, second, status)
+            if (cam%is_barrel .and. status%is_ok()) then
+                ! heights as radii, which are above zero
+                cam%ground = minval(second) - merge(maxval(second) - minval(second), 1.0_wp, maxval(second) > minval(second))
+                second = second - cam%ground
+            end if
+            if (status%is_ok()) call make_polar_curve(first, second, cam%curve)
         end if
     end subroutine read_curve
 
     !> Both columns or lists, as written.
-    subroutine read_points(place, shelf, is_polar, first, second, status)
+    subroutine read_points(place, shelf, form, first, second, status)
         type(scene_place), intent(in) :: place         !! of the curve
         type(table_shelf), intent(inout) :: shelf
-        logical, intent(out) :: is_polar
+        integer, intent(out) :: form                   !! one of `of_*`
         real(wp), allocatable, intent(out) :: first(:), second(:)
         type(status_type), intent(inout) :: status
-        character(len=6), parameter :: column(2, 2) = reshape([character(len=6) :: "angle", "radius", "x", "y"], [2, 2])
         character(len=:), allocatable :: file
-        type(toml_node) :: node
-        logical :: in_file, has(2, 2)
-        integer :: i, k, table
+        type(toml_node) :: node(2)
+        logical :: in_file, is_there(size(of_curve))
+        integer :: i, table
 
-        is_polar = .false.
+        form = of_radius
         call get_text(place, "table", file, status, in_file)
         if (.not. status%is_ok()) return
-        do k = 1, 2
-            do i = 1, 2
-                node = place%node%get(trim(column(i, k)))
-                has(i, k) = node%is_present()
-                if (.not. (in_file .and. has(i, k))) cycle
-                call refuse_value(place, trim(column(i, k)), node, "stands beside 'table' (expected one of both)", status)
-                return
-            end do
+        do i = 1, size(of_curve)
+            node(1) = place%node%get(trim(of_curve(i)))
+            is_there(i) = node(1)%is_present()
         end do
         if (in_file) then
-            call take_table(place, file, shelf, table, status)
+            i = findloc(is_there, .true., dim=1)
+            if (i > 0) call refuse_value(place, trim(of_curve(i)), place%node%get(trim(of_curve(i))), &
+                "stands beside 'table' (expected one of both)", status)
+            if (status%is_ok()) call take_table(place, file, shelf, table, status)
             if (.not. status%is_ok()) return
             associate (columns => shelf%place(table)%table)
-                is_polar = any(columns%column == "angle") .or. .not. any(columns%column == "x")
-                k = merge(1, 2, is_polar)
-                call column_in_si(columns, trim(column(1, k)), quantity_of_first(is_polar), first, status)
-                call column_in_si(columns, trim(column(2, k)), length, second, status)
+                form = form_of([(any(columns%column == of_curve(i)), i=1, size(of_curve))])
+                call column_in_si(columns, trim(column(1, form)), quantity_of_first(form), first, status)
+                call column_in_si(columns, trim(column(2, form)), length, second, status)
             end associate
             return
         end if
-        is_polar = any(has(:, 1)) .or. .not. any(has(:, 2))
-        k = merge(1, 2, is_polar)
-        if (any(has(:, 3 - k))) then
-            i = findloc(has(:, 3 - k), .true., dim=1)
-            call refuse_value(place, trim(column(i, 3 - k)), place%node%get(trim(column(i, 3 - k))), &
-                              "stands beside 'angle' or 'radius' (expected angle and radius, or x and y)", status)
-        end if
-        do i = 1, 2
-            if (status%is_ok() .and. .not. has(i, k)) call refuse_missing(place, trim(column(i, k)), "a list, or 'table'", status)
+        form = form_of(is_there)
+        do i = 1, size(of_curve)
+            if (.not. is_there(i) .or. any(column(:, form) == of_curve(i))) cycle
+            call refuse_value(place, trim(of_curve(i)), place%node%get(trim(of_curve(i))), "stands beside '"// &
+                trim(column(1, form))//"' or '"//trim(column(2, form))//"' (expected angle and radius, x and y, or angle and "// &
+                "height)", status)
+            return
         end do
-        call list_of(place, trim(column(1, k)), place%node%get(trim(column(1, k))), quantity_of_first(is_polar), first, status)
-        call list_of(place, trim(column(2, k)), place%node%get(trim(column(2, k))), length, second, status)
+        do i = 1, 2
+            node(i) = place%node%get(trim(column(i, form)))
+            if (status%is_ok() .and. .not. node(i)%is_present()) &
+                call refuse_missing(place, trim(column(i, form)), "a list, or 'table'", status)
+        end do
+        call list_of(place, trim(column(1, form)), node(1), quantity_of_first(form), first, status)
+        call list_of(place, trim(column(2, form)), node(2), length, second, status)
         if (.not. status%is_ok() .or. size(first) == size(second)) return
-        call refuse_value(place, trim(column(2, k)), place%node%get(trim(column(2, k))), "has "//counted(size(second), "element") &
-                          //" (expected "//to_text(size(first))//", as many as '"//trim(column(1, k))//"')", status)
+        call refuse_value(place, trim(column(2, form)), node(2), "has "//counted(size(second), "element") &
+                          //" (expected "//to_text(size(first))//", as many as '"//trim(column(1, form))//"')", status)
     end subroutine read_points
 
-    pure type(quantity_type) function quantity_of_first(is_polar) result(quantity)
-        logical, intent(in) :: is_polar
+    !> Which of them are meant, by what is there. A table may have more columns than one curve has.
+    pure integer function form_of(is_there) result(form)
+        logical, intent(in) :: is_there(:)             !! of `of_curve`
 
-        quantity = length
-        if (is_polar) quantity = angle
+        form = of_radius
+        if (any(is_there(3:4)) .and. .not. any(is_there(1:2))) form = of_x_and_y
+        if (is_there(5) .and. .not. is_there(2)) form = of_height
+    end function form_of
+
+    pure type(quantity_type) function quantity_of_first(form) result(quantity)
+        integer, intent(in) :: form
+
+        quantity = angle
+        if (form == of_x_and_y) quantity = length
     end function quantity_of_first
 
     !> Once round by angle: a last row that is the first one again goes.
-    subroutine close_turn(place, angle, radius, status)
+    subroutine close_turn(place, what, angle, radius, status)
         type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: what           !! "radius", which is above zero, or "height"
         real(wp), allocatable, intent(inout) :: angle(:), radius(:)
         type(status_type), intent(inout) :: status
         real(wp), parameter :: in_degrees = 360/two_pi
@@ -196,7 +226,7 @@ contains
         if (n > 1) then
             if (abs(angle(n) - angle(1) - two_pi) <= closing*two_pi) then
                 if (abs(radius(n) - radius(1)) > closing*maxval(abs(radius))) then
-                    call refuse(place, "the curve does not close: radius "//to_text(radius(n))//" m a turn behind " &
+                    call refuse(place, "the curve does not close: "//what//" "//to_text(radius(n))//" m a turn behind " &
                                 //to_text(radius(1))//" m (expected the same, or the last row left out)", status)
                     return
                 end if
@@ -207,8 +237,9 @@ contains
         call require_points(place, size(angle), status)
         do i = 1, size(angle)
             if (.not. status%is_ok()) return
-            if (.not. radius(i) > 0) call refuse(place, "radius "//to_text(radius(i))//" m at "//to_text(angle(i)*in_degrees) &
-                                                 //" deg (expected more than zero)", status)
+            if (what == "radius" .and. .not. radius(i) > 0) &
+                call refuse(place, "radius "//to_text(radius(i))//" m at "//to_text(angle(i)*in_degrees) &
+                            //" deg (expected more than zero)", status)
             if (i == 1) cycle
             if (.not. angle(i) > angle(i - 1)) call refuse(place, "angles do not increase: "//to_text(angle(i)*in_degrees) &
                 //" deg follows "//to_text(angle(i - 1)*in_degrees)//" deg", status)
@@ -260,7 +291,7 @@ contains
         type(status_type), intent(inout) :: status
         real(wp) :: range(2)
 
-        if (.not. status%is_ok()) return
+        if (.not. status%is_ok() .or. cam%is_barrel) return
         range = curvature_range(cam%curve)
         if (cam%follower == follower_flat) then
             if (.not. range(1) > 0) call refuse_value(place, "curve", place%node%get("curve"), "is hollow or straight somewhere " &

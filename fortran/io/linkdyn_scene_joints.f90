@@ -1,6 +1,6 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
-    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic, joint_cam
+    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -73,9 +73,6 @@ contains
             call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch"], status)
             if (.not. scene%planar) call refuse_value(place, "type", place%node%get("type"), "= ""slot"" exists in a plane only " &
                 //"(expected a block with a revolute and a prismatic joint)", status)
-        else if (joint%kind == joint_cam .and. .not. scene%planar) then
-            call refuse_value(place, "type", place%node%get("type"), "= ""cam"" exists in a plane only " &
-                //"(expected space = 'planar')", status)
         else if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
             call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
                 " does not exist in a plane (expected one of "// &
@@ -84,7 +81,7 @@ contains
         if (.not. status%is_ok()) return
         call read_lead(place, joint, status)
         call read_wheels(place, joint, status)
-        call read_cam(place, shelf, joint, status)
+        call read_cam(place, scene%planar, shelf, joint, status)
         between = place%node%get("between")
         if (.not. between%is_present()) then
             call refuse_missing(place, "between", expected, status)

@@ -144,11 +144,11 @@ contains
             mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
     end function sliding_coefficient
 
-    !> Speed of the surface over that of the joint's one variable, of a hinge or a slide.
+    !> Speed of the surface over that of the joint's one variable, of a hinge, slide or screw.
     pure elemental real(wp) function lever_of(contact) result(lever)
         type(contact_type), intent(in) :: contact
 
-        lever = contact%radius
+        lever = hypot(contact%radius, contact%pitch)
         if (contact%form == form_guide) lever = 1
     end function lever_of
 

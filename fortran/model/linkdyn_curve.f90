@@ -10,7 +10,7 @@ module linkdyn_curve
     use linkdyn_spline, only: fit_periodic_spline
     implicit none (type, external)
     private
-    public :: curve_type, curve_point, make_polar_curve, make_curve, scale_curve, foot_of, touching_point, point_at
+    public :: curve_type, curve_point, make_polar_curve, make_curve, scale_curve, foot_of, touching_point, point_at, radius_at
     public :: curvature_range
 
     integer, parameter :: most_steps = 60
@@ -106,19 +106,9 @@ contains
         integer, intent(in) :: i
         real(wp), intent(in) :: u
         real(wp), intent(out) :: c(2), c1(2), c2(2)
-        real(wp) :: s(3, 2), h, a, b, along(2), across(2)
-        integer :: k
+        real(wp) :: s(3, size(curve%value, 2)), along(2), across(2)
 
-        h = curve%u(i + 1) - curve%u(i)
-        a = (curve%u(i + 1) - u)/h
-        b = (u - curve%u(i))/h
-        do k = 1, size(curve%value, 2)
-            associate (y => curve%value(i:i + 1, k), m => curve%second(i:i + 1, k))
-                s(1, k) = a*y(1) + b*y(2) + ((a**3 - a)*m(1) + (b**3 - b)*m(2))*h**2/6
-                s(2, k) = (y(2) - y(1))/h + ((1 - 3*a**2)*m(1) + (3*b**2 - 1)*m(2))*h/6
-                s(3, k) = a*m(1) + b*m(2)
-            end associate
-        end do
+        s = spline_at(curve, i, u)
         if (.not. curve%is_polar) then
             c = s(1, :)
             c1 = s(2, :)
@@ -131,6 +121,42 @@ contains
         c1 = s(2, 1)*along + s(1, 1)*across
         c2 = (s(3, 1) - s(1, 1))*along + 2*s(2, 1)*across
     end subroutine evaluate
+
+    !> What is splined, radius or x and y, with two derivatives.
+    pure function spline_at(curve, i, u) result(s)
+        type(curve_type), intent(in) :: curve
+        integer, intent(in) :: i
+        real(wp), intent(in) :: u
+        real(wp) :: s(3, size(curve%value, 2))
+        real(wp) :: h, a, b
+        integer :: k
+
+        h = curve%u(i + 1) - curve%u(i)
+        a = (curve%u(i + 1) - u)/h
+        b = (u - curve%u(i))/h
+        do k = 1, size(curve%value, 2)
+            associate (y => curve%value(i:i + 1, k), m => curve%second(i:i + 1, k))
+                s(1, k) = a*y(1) + b*y(2) + ((a**3 - a)*m(1) + (b**3 - b)*m(2))*h**2/6
+                s(2, k) = (y(2) - y(1))/h + ((1 - 3*a**2)*m(1) + (3*b**2 - 1)*m(2))*h/6
+                s(3, k) = a*m(1) + b*m(2)
+            end associate
+        end do
+    end function spline_at
+
+    !> The radius at an angle, and its derivative, of a curve in polar coordinates.
+    pure subroutine radius_at(curve, angle, radius, slope)
+        type(curve_type), intent(in) :: curve
+        real(wp), intent(in) :: angle                 !! [rad]
+        real(wp), intent(out) :: radius, slope        !! [m, m/rad]
+        real(wp) :: u, s(3, 1)
+        integer :: n
+
+        n = size(curve%u) - 1
+        u = curve%u(1) + modulo(angle - curve%u(1), two_pi)
+        s = spline_at(curve, max(1, min(n, count(curve%u(:n) <= u))), u)
+        radius = s(1, 1)
+        slope = s(2, 1)
+    end subroutine radius_at
 
     !> What is told of a point from these derivatives.
     pure type(curve_point) function told(c, c1, c2) result(point)

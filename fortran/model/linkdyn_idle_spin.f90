@@ -1,7 +1,7 @@
 !> Idle spins: links that may turn about the line through their joints while nothing else of the mechanism moves.
 !>
 !> A rod between two ball joints, both halves of a leg between balls, a piston rod in a cylindrical joint whose ball lies on its
-!> axis. If the links that spin together are bodies of revolution about that line, and nothing acts on them off it, no moment is
+!> axis, a shoe with a ball that slides on a plane. If the links that spin together are bodies of revolution about that line, and nothing acts on them off it, no moment is
 !> ever about it: what does not spin at the start never does, and neither forces nor the motion of anything else depend on it.
 !>
 !> *How it is settled.* One ball of each spin also keeps a direction across the line, in the spinning link, square to a
@@ -15,8 +15,8 @@ module linkdyn_idle_spin
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, measure_joint, &
-        measure_marker, measure_distance, measure_attitude
+        joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, &
+        measure_joint, measure_marker, measure_distance, measure_attitude
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -71,7 +71,7 @@ contains
         end do
     end subroutine find_idle_spins
 
-    !> The line on which all joints of a link lie: balls with their centres, others with their axes.
+    !> The line on which all joints of a link lie: balls with their centres, others with their axes. Of a planar joint it is square to the plane.
     pure function line_of(model, link) result(line)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link
@@ -95,7 +95,7 @@ contains
                         if (norm2(span) > exact*size_of_link) line%axis = span/norm2(span)
                     end if
                     ball = ball + 1
-                else if (any(joint%kind == [joint_revolute, joint_prismatic, joint_cylindrical])) then
+                else if (any(joint%kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_planar])) then
                     line%axis = joint%frame(:, 3, side)
                 else
                     return
@@ -106,7 +106,8 @@ contains
         do i = model%first_at(link), model%first_at(link + 1) - 1
             associate (joint => model%joint(model%joint_at(i)))
                 side = side_of(joint, link)
-                if (distance_from(line, joint%point(:, side)) > exact*size_of_link) return
+                ! a plane holds a link wherever its marker is
+                if (joint%kind /= joint_planar .and. distance_from(line, joint%point(:, side)) > exact*size_of_link) return
                 if (joint%kind == joint_spherical) cycle
                 if (norm2(cross(line%axis, joint%frame(:, 3, side))) > exact) return
             end associate

@@ -10,25 +10,15 @@ module linkdyn_planar_motion
     use linkdyn_vec2, only: vec2, rot2, zero_vec2, identity_rot2
     implicit none (type, external)
     private
-    public :: planar_motion, planar_contact, prepare_planar_motion, level_velocity, level_given
+    public :: planar_motion, prepare_planar_motion, level_velocity, level_given
 
     integer, parameter :: level_velocity = -1, level_given = 0
-
-    !> Where a follower touches its cam, world axes. See `linkdyn_cam_contact`.
-    type :: planar_contact
-        type(vec2) :: point                              !! on the line of the force: the roller's centre, or where a face is touched [m]
-        type(vec2) :: normal                             !! from the cam to what is outside of it
-        real(wp) :: gap(lanes) = 0                       !! between follower and curve [m]
-        real(wp) :: round(lanes) = 0                     !! curvature of the roller centre's path [1/m]; of a face the outline's radius [m]
-        real(wp) :: arm(lanes) = 0                       !! moment of a unit force about the follower's marker [m]
-    end type planar_contact
 
     type :: planar_motion
         type(rot2), allocatable :: rotation(:)           !! link axes to world               (0:n_orientation)
         type(vec2), allocatable :: position(:)           !! origin [m]                       (0:n_link)
         real(wp), allocatable :: angular(:, :, :)        !! (lane, -1:n_column, 0:n_orientation)
         type(vec2), allocatable :: linear(:, :)          !! of the origin                    (-1:n_column, 0:n_link)
-        type(planar_contact), allocatable :: contact(:)  !!                                  (n_cam)
     end type planar_motion
 
 contains
@@ -42,7 +32,6 @@ contains
         associate (n_o => model%n_orientation, n_link => model%n_link)
             allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
                       motion%linear(-1:n_column, 0:n_link))
-            allocate (motion%contact(model%n_cam))
             motion%angular = 0
             do i = 0, n_o
                 motion%rotation(i) = identity_rot2()

@@ -145,6 +145,8 @@ module linkdyn_scene
         logical :: is_groove = .false.            !! held from both sides
         logical :: is_path = .false.              !! the curve is that of the roller's centre
         type(curve_type) :: curve                 !! in the axes of the first marker: its point, its x
+        logical :: is_barrel = .false.            !! its radii are heights along the marker's axis over the angle about it
+        real(wp) :: ground = 0                    !! of that: height where the radius is zero [m]
     end type cam_spec
 
     !> Two markers held together.

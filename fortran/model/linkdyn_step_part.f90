@@ -342,8 +342,8 @@ contains
         character(len=:), allocatable :: text
 
         associate (spec => part%model%scene%joint(joint)%cam)
-            text = listed([spec%follower, spec%side, merge(1, 0, spec%is_path), merge(1, 0, spec%curve%is_polar)]) &
-                   //bits_of([spec%radius, spec%curve%u, [spec%curve%knot], [spec%curve%value], [spec%curve%second]])
+            text = listed([spec%follower, spec%side, merge(1, 0, [spec%is_path, spec%curve%is_polar, spec%is_barrel])]) &
+                   //bits_of([spec%radius, spec%ground, spec%curve%u, [spec%curve%knot], [spec%curve%value], [spec%curve%second]])
         end associate
     end function curve_text
 end module linkdyn_step_part

@@ -7,8 +7,8 @@ module linkdyn_cam_quantities
     use linkdyn_scene, only: joint_prismatic, guide_of
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value, zero, abs, atan2, operator(-)
-    use linkdyn_vector, only: vector, unit_vector, operator(+), operator(-), operator(.dot.), operator(.cross.)
+    use linkdyn_value, only: value, zero, abs, atan2, sqrt, operator(-)
+    use linkdyn_vector, only: vector, operator(+), operator(-), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
     public :: contact_forces, pressure_angles
@@ -48,11 +48,11 @@ contains
                 pair = pair_of(mechanism, j)
                 way = way_of_follower(mechanism, j, g, pair)
                 select type (kind => mechanism%kind(j)%is)
-                type is (cam)
+                class is (cam)
                     normal = kind%normal(pair)
                 end select
                 across = way.cross.normal
-                angle(model%joint(j)%cam) = atan2(abs(across%z), abs(way.dot.normal))
+                angle(model%joint(j)%cam) = atan2(sqrt(across.dot.across), abs(way.dot.normal))
             end do
         end associate
     end function pressure_angles
@@ -69,18 +69,16 @@ contains
 
         associate (joint => mechanism%model%joint(guide), cam_joint => mechanism%model%joint(j), bodies => mechanism%bodies)
             side = merge(2, 1, joint%link(1) == cam_joint%link(2))
-            if (joint%kind == joint_prismatic) then
-                guided = pair_of(mechanism, guide)
-                way = guided%first%z
-                if (side == 2) way = guided%second%z
-                return
-            end if
+            guided = pair_of(mechanism, guide)
+            way = guided%first%z
+            if (side == 2) way = guided%second%z
+            if (joint%kind == joint_prismatic) return
             touched = point_position(bodies, cam_joint%link(1), marker_point(mechanism, j, 1))
             select type (kind => mechanism%kind(j)%is)
-            type is (cam)
+            class is (cam)
                 touched = touched + kind%point(pair)
             end select
-            way = unit_vector(3) .cross.(touched - point_position(bodies, joint%link(side), marker_point(mechanism, guide, side)))
+            way = way.cross.(touched - point_position(bodies, joint%link(side), marker_point(mechanism, guide, side)))
         end associate
     end function way_of_follower
 end module linkdyn_cam_quantities

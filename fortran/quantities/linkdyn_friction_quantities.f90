@@ -1,7 +1,7 @@
 !> Friction of each joint, and the power that it takes.
 module linkdyn_friction_quantities
-    use linkdyn_acting, only: acting_type, turned, at_joint_variable
-    use linkdyn_friction, only: friction_wrench
+    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_friction, only: friction_wrench, holding_wrench
     use linkdyn_inputs, only: in_friction, in_clutch
     use linkdyn_scene, only: n_clutch
     use linkdyn_trace, only: traced_type
@@ -27,8 +27,8 @@ contains
             end do
             do i = 1, n_clutch(model%scene)
                 associate (clutch => model%scene%clutch(i))
-                    if (clutch%friction > 0) call add(at_joint_variable(traced%mechanism, clutch%joint(1), clutch%variable(1), &
-                                                                        traced%in%of(in_clutch)%v(i)))
+                    if (clutch%friction > 0) &
+                        call add(holding_wrench(traced%mechanism, clutch%joint(1), traced%in%of(in_clutch)%v(i)))
                 end associate
             end do
             if (model%is_planar) then

@@ -545,7 +545,7 @@ class Builder:
         self, name: str, first: str, second: str, *, follower: Literal["point", "roller", "flat"], curve: Mapping[str, Any],
         radius: Quantity | None = None, side: Literal["outside", "inside", "groove"] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
-        """A point, roller or straight face on a closed smooth curve, in a plane; cam and follower have their hinge or slide already.
+        """A point, roller or straight face on a closed smooth curve, across the cam's axis or round it; cam and follower have their hinge or slide already.
 
         Parameters
         ----------
@@ -558,7 +558,7 @@ class Builder:
         follower
             What touches the curve.
         curve
-            ``{"angle": .., "radius": ..}``, ``{"x": .., "y": ..}`` or ``{"table": "cam.csv"}`` [rad, m].
+            ``{"angle": .., "radius": ..}``, ``{"x": .., "y": ..}``, in space ``{"angle": .., "height": ..}``, or ``{"table": "cam.csv"}`` [rad, m].
         radius
             Of a roller [m].
         side

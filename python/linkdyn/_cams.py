@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._wheels import frame_of, rim
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from ._postures import Posture, Postures
 
-__all__ = ["Contact", "Curve", "contact_of", "is_cam", "outlines", "roller", "room_for_cams", "silhouettes"]
+__all__ = ["Contact", "Curve", "contact_of", "is_cam", "outlines_in_link", "roller", "roller_axis", "room_for_cams", "silhouettes"]
 
 Points = NDArray[np.float64]
 
@@ -46,6 +48,14 @@ class Curve:
 
     def __call__(self, u: Points) -> tuple[Points, Points, Points]:
         """(..., 2) points with two derivatives by u."""
+        s, s1, s2 = self._splined(u)
+        if not self.polar:
+            return s, s1, s2
+        along = np.stack([np.cos(u), np.sin(u)], axis=-1)
+        across = np.stack([-np.sin(u), np.cos(u)], axis=-1)
+        return s * along, s1 * along + s * across, (s2 - s) * along + 2 * s1 * across
+
+    def _splined(self, u: Points) -> tuple[Points, Points, Points]:
         u = self.u[0] + np.mod(u - self.u[0], self.u[-1] - self.u[0])
         i = np.clip(np.searchsorted(self.u, u, side="right") - 1, 0, len(self.u) - 2)
         h = (self.u[i + 1] - self.u[i])[..., np.newaxis]
@@ -53,13 +63,12 @@ class Curve:
         a = 1 - b
         y0, y1, m0, m1 = self.value[i], self.value[i + 1], self.second[i], self.second[i + 1]
         s = a * y0 + b * y1 + ((a**3 - a) * m0 + (b**3 - b) * m1) * h**2 / 6
-        s1 = (y1 - y0) / h + ((1 - 3 * a**2) * m0 + (3 * b**2 - 1) * m1) * h / 6
-        s2 = a * m0 + b * m1
-        if not self.polar:
-            return s, s1, s2
-        along = np.stack([np.cos(u), np.sin(u)], axis=-1)
-        across = np.stack([-np.sin(u), np.cos(u)], axis=-1)
-        return s * along, s1 * along + s * across, (s2 - s) * along + 2 * s1 * across
+        return s, (y1 - y0) / h + ((1 - 3 * a**2) * m0 + (3 * b**2 - 1) * m1) * h / 6, a * m0 + b * m1
+
+    def radius(self, angle: Points) -> tuple[Points, Points, Points]:
+        """(...) radius at angles with two derivatives, of a polar curve."""
+        s, s1, s2 = self._splined(angle)
+        return s[..., 0], s1[..., 0], s2[..., 0]
 
     def settle(self, given: Points, *, is_direction: bool) -> tuple[Points, Points, Points]:
         """(N, 2) points nearest to points, or farthest in directions, with the outward normals and (N) curvatures there."""
@@ -116,41 +125,73 @@ def contact_of(joint: dict[str, Any], place: Points, frame: Points, follower: Po
 
 # ---------------------------------------------------------------- pictures
 
-def outlines(description: dict[str, Any], joint: dict[str, Any]) -> list[Points]:
-    """(n, 3) what can be seen of a cam, in the axes of its link: its outline; of a groove both sides."""
-    marker = next(entry for entry in description["links"][joint["links"][0]]["markers"] if entry["name"] == joint["markers"][0])
-    x = np.array(marker["x"])
-    x = x / np.linalg.norm(x)
-    frame = np.stack([x, np.array([-x[1], x[0], 0.0])])
+def outlines(posture: Posture | Postures, joint: dict[str, Any]) -> list[Points]:
+    """(n, 3) what can be seen of a cam, in the axes of its marker: its outline, of a groove both sides; round a drum each followed by
+    that end of the drum to which it goes on.
+    """
+    curve, radius = Curve.of(joint), joint["radius"]
     offs = [0.0]
-    if joint["path"]:
-        offs = [joint["radius"], -joint["radius"]] if joint["groove"] else [-joint["side"] * joint["radius"]]
-    return [np.array(marker["at"]) + Curve.of(joint).outline(off) @ frame for off in offs]
+    if joint["path"] or joint["barrel"]:
+        offs = [radius, -radius] if joint["groove"] else [-joint["side"] * radius]
+    if not joint["barrel"]:
+        lines = [curve.outline(off) for off in offs]
+        return [np.concatenate([line, np.zeros((len(line), 1))], axis=1) for line in lines]
+    far = float(np.linalg.norm(_across(posture, joint), axis=-1).flat[0])
+    angle = np.linspace(curve.u[0], curve.u[-1], ROUND + 1)
+    height, slope, _ = curve.radius(angle)
+    height = height + joint["ground"]
+    steep = slope / far
+    level = 1 / np.sqrt(1 + steep**2)
+    room = max(2.0 * radius, 0.15 * float(np.ptp(height)))
+    found = []
+    for off in offs:
+        end = float(height.max()) + room if off > 0 or (joint["side"] < 0 and not joint["groove"]) else float(height.min()) - room
+        found += [_on_drum(far, angle - off * steep * level / far, height + off * level), _on_drum(far, angle, np.full_like(angle, end))]
+    return found
+
+
+def _on_drum(far: float, angle: Points, height: Points) -> Points:
+    return np.stack([far * np.cos(angle), far * np.sin(angle), height], axis=-1)
+
+
+def _across(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
+    """(..., 3) from the axis of a cam to its follower, world axes."""
+    (cam, follower), (first, second) = joint["links"], joint["markers"]
+    centre, axis, _ = frame_of(posture, cam, first)
+    gap = posture.markers[follower][second] - centre
+    across: Points = gap - np.einsum("...k,...k->...", gap, axis)[..., np.newaxis] * axis
+    return across
 
 
 def silhouettes(posture: Posture | Postures, joint: dict[str, Any]) -> list[Points]:
     """The same in world axes: (..., n, 3)."""
-    description = posture.scene.description
-    link, marker = joint["links"][0], joint["markers"][0]
-    entry = next(entry for entry in description["links"][link]["markers"] if entry["name"] == marker)
-    own = np.array(entry["x"]) / np.linalg.norm(entry["x"])
-    centre, x = posture.markers[link][marker], posture.x_axes[link][marker]
-    cosine, sine = x @ own, x @ np.array([-own[1], own[0], 0.0])
-    found = []
-    for line in outlines(description, joint):
-        arm = line - np.array(entry["at"])
-        turned = np.stack([-arm[:, 1], arm[:, 0], arm[:, 2]], axis=-1)
-        found.append(centre[..., np.newaxis, :] + np.asarray(cosine)[..., np.newaxis, np.newaxis] * arm + np.asarray(sine)[..., np.newaxis, np.newaxis] * turned)
-    return found
+    centre, axis, x = frame_of(posture, joint["links"][0], joint["markers"][0])
+    frame = np.stack([x, np.cross(axis, x), axis], axis=-2)
+    return [centre[..., np.newaxis, :] + line @ frame for line in outlines(posture, joint)]
+
+
+def outlines_in_link(postures: Postures, sample: int, joint: dict[str, Any]) -> list[Points]:
+    """The same in the axes of the cam's link."""
+    link, name = joint["links"][0], joint["markers"][0]
+    marker = next(entry for entry in postures.scene.description["links"][link]["markers"] if entry["name"] == name)
+    x = np.array(marker["x"])
+    axis = np.array([0.0, 0.0, 1.0] if postures.scene.planar else marker["axis"])
+    frame = np.stack([x, np.cross(axis, x), axis])
+    return [np.array(marker["at"]) + line @ frame for line in outlines(postures.at(sample), joint)]
+
+
+def roller_axis(posture: Posture | Postures, joint: dict[str, Any]) -> tuple[Points, Points]:
+    """(..., 3) about which a roller turns, along the cam's axis or across that of a drum, and a direction across it."""
+    _, axis, x = frame_of(posture, joint["links"][0], joint["markers"][0])
+    if not joint["barrel"]:
+        return axis, x
+    across = _across(posture, joint)
+    return across / np.linalg.norm(across, axis=-1, keepdims=True), axis
 
 
 def roller(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
     """(..., n, 3) of a roller round its marker."""
-    centre = posture.markers[joint["links"][1]][joint["markers"][1]]
-    angles = np.linspace(0, 2 * np.pi, 49)
-    circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
-    points: Points = centre[..., np.newaxis, :] + joint["radius"] * circle
-    return points
+    return rim(posture.markers[joint["links"][1]][joint["markers"][1]], *roller_axis(posture, joint), joint["radius"], 49)
 
 
 def room_for_cams(postures: Postures) -> Iterable[Points]:

@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ._averages import good_samples
-from ._cams import contact_of
+from ._cams import Curve, contact_of
 from ._postures import placed_poses
 from ._wheels import is_geared
 from .errors import InputError
@@ -226,7 +226,7 @@ def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:
         case "screw":
             return [*(pair.apart(e) for e in across), *(pair.turning(e) for e in across), pair.advance(joint["lead"])]
         case "cam":
-            return [pair.touching(motion, joint)]
+            return [pair.rising(motion, joint) if joint["barrel"] else pair.touching(motion, joint)]
     raise AssertionError(joint["type"])
 
 
@@ -282,9 +282,8 @@ class _Pair:
     def touching(self, motion: LinkMotion, cam: dict[str, Any]) -> Rows:
         """Rate of the gap between follower and cam. To second order a roller's centre goes on a circle fixed in the cam, and
         a face is touched by one."""
-        frame = np.stack([self.x, np.cross(self.axes[0], self.x), self.axes[0]], axis=2)
         places = [motion.position[:, link] + arm for link, arm in zip((self.first, self.second), self.arms)]
-        contact = contact_of(cam, places[0], frame, places[1], self.axes[1])
+        contact = contact_of(cam, places[0], self.frame(), places[1], self.axes[1])
         e, flat = contact.normal, cam["follower"] == "flat"
         meets = contact.point - (contact.round[:, np.newaxis] * e if flat else 0.0)
         arms = [meets - motion.position[:, link] for link in (self.first, self.second)]
@@ -293,9 +292,26 @@ class _Pair:
         inward = np.cross(second, np.cross(second, arms[1])) - np.cross(first, np.cross(first, arms[0]))
         drift = _dot(inward, e) - 2 * _dot(np.cross(second if flat else first, speed), e)
         if not flat:
-            along = speed - _dot(speed, e)[:, np.newaxis] * e
+            along = speed - _dot(speed, e)[:, np.newaxis] * e - _dot(speed, self.axes[0])[:, np.newaxis] * self.axes[0]
             drift = drift + contact.round * _dot(along, along)
         return Rows((self.first, self.second), (np.hstack([-e, -np.cross(arms[0], e)]), np.hstack([e, np.cross(arms[1], e)])), drift)
+
+    def rising(self, motion: LinkMotion, cam: dict[str, Any]) -> Rows:
+        """Rate of the height of a follower above a curve round a drum. To second order that is a parabola over the angle, fixed in the cam."""
+        frame = self.frame()
+        seen = np.einsum("nij,ni->nj", frame, self.gap)
+        speed = np.einsum("nij,ni->nj", frame, self.gap_rate - np.cross(self.spins[0], self.gap))
+        far = np.hypot(seen[:, 0], seen[:, 1])
+        _, slope, bend = Curve.of(cam).radius(np.arctan2(seen[:, 1], seen[:, 0]))
+        turned = (seen[:, 0] * speed[:, 1] - seen[:, 1] * speed[:, 0]) / far**2
+        away = (seen[:, 0] * speed[:, 0] + seen[:, 1] * speed[:, 1]) / far
+        gradient = np.stack([slope * seen[:, 1] / far**2, -slope * seen[:, 0] / far**2, np.ones_like(far)], axis=1)
+        rows = self.apart(np.einsum("nij,nj->ni", frame, gradient))
+        return Rows(rows.links, rows.factors, rows.drift + 2 * slope * turned * away / far - bend * turned**2)
+
+    def frame(self) -> Vectors:
+        """(N, 3, 3) axes of the first marker, in columns."""
+        return np.stack([self.x, np.cross(self.axes[0], self.x), self.axes[0]], axis=2)
 
     def turning_between(self) -> Rows:
         """Relative spin about what is square to both axes."""

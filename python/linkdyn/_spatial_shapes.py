@@ -9,6 +9,7 @@ from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
+from ._cams import is_cam, roller, silhouettes
 from ._planar_shapes import around, distinct, jointed, lighter, link_colour
 from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
@@ -51,9 +52,10 @@ def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float
     for k, markers in enumerate(posture.markers):
         _draw_link(ax, markers, jointed(posture, k), link_colour(k))
     _draw_wheels(ax, posture)
+    _draw_cams(ax, posture)
     listed: set[str] = set()
     for joint in joints:
-        if is_geared(joint):
+        if is_geared(joint) or is_cam(joint):
             continue
         if joint["name"] in fields:
             _draw_table(ax, posture, joint, fields[joint["name"]])
@@ -120,6 +122,21 @@ def _draw_wheels(ax: Axes3D, posture: Posture) -> None:
                 ax.plot(*np.array(run).T, color="0.15", linewidth=1.4)
 
 
+def _draw_cams(ax: Axes3D, posture: Posture) -> None:
+    """Outlines of cams and the drums that they go round, rollers."""
+    for joint in filter(is_cam, posture.scene.description["joints"]):
+        first, second = (link_colour(link) for link in joint["links"])
+        lines = silhouettes(posture, joint)
+        for line in lines:
+            ax.plot(*line.T, color=first, linewidth=1.6)
+        faces = lines if not joint["groove"] and joint["side"] > 0 else []
+        if joint["barrel"]:
+            faces = [np.array([*edge[k : k + 2], *end[k : k + 2][::-1]]) for edge, end in zip(lines[::2], lines[1::2]) for k in range(len(edge) - 1)]
+        ax.add_collection3d(Poly3DCollection(faces, facecolor=(*lighter(first, 0.5), 0.45), edgecolor="none"))
+        if joint["radius"] > 0:
+            ax.add_collection3d(Poly3DCollection([roller(posture, joint)], facecolor=lighter(second, 0.35), edgecolor=second, linewidth=1.3))
+
+
 def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:
     """The plane that a planar joint slides on, as large as its travel and a little more."""
     link, name = joint["links"][0], joint["markers"][0]
@@ -149,12 +166,21 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
                 break
 
 
+def _place_of(posture: Posture, joint: dict[str, Any]) -> Points:
+    """Where a joint is to be seen."""
+    if is_geared(joint):
+        return pitch_point(posture, joint)
+    ends = _ends(posture, joint)
+    place: Points = ends[1] if is_cam(joint) else ends.mean(axis=0)
+    return place
+
+
 def _labels(posture: Posture) -> dict[str, Points]:
     """Names and where to write them; of a chain the part before the dot, once."""
     gathered: dict[str, list[Points]] = {}
     description = posture.scene.description
     for joint in description["joints"]:
-        gathered.setdefault(joint["name"].split(".")[0], []).append(pitch_point(posture, joint) if is_geared(joint) else _ends(posture, joint).mean(axis=0))
+        gathered.setdefault(joint["name"].split(".")[0], []).append(_place_of(posture, joint))
     for link, points in zip(description["links"], posture.markers):
         if "." not in link["name"] and points:
             gathered.setdefault(link["name"], []).append(np.mean(list(points.values()), axis=0))

@@ -515,6 +515,60 @@ def test_a_hinge_sticks_by_its_own_load(planar):
     np.testing.assert_allclose(run.q.values[:40], smooth.forward(method="seulex", t=run.time.values[:40]).q, atol=1e-6)
 
 
+def jack(coulomb: float, torque: str | None = None, **start: float) -> linkdyn.Scene:
+    """30 kg on a spindle in a nut, lead 12 mm, that the weight may turn."""
+    data: dict[str, Any] = {
+        "space": "spatial",
+        "gravity": [0, 0, -9.81],
+        "frame": {"markers": {"N": [0, 0, 0]}},
+        "link": [{"name": "spindle", "markers": {"N": [0, 0, 0]}, "mass": 30.0, "inertia": [0.05, 0.05, 0.002, 0, 0, 0]}],
+        "joint": [{"name": "S", "type": "screw", "between": ["frame.N", "spindle.N"], "lead": 0.012}],
+        "coordinate": [{"joint": "S", "start": {"position": 0.3} | start}],
+        "friction": [{"joint": "S", "coulomb": coulomb, "radius": 0.01, "sticking": True}],
+        "time": {"end": 1},
+    }
+    if torque:
+        data["actuator"] = [{"joint": "S", "law": {"type": "formula", "value": torque}}]
+    return linkdyn.Scene(data)
+
+
+PITCH, SLOPE, LOAD = 0.012 / (2 * math.pi), math.atan(0.012 / (2 * math.pi) / 0.01), 30 * 9.81
+
+
+def on_the_flank(mu: float, way: int) -> float:
+    """Acceleration of a thread that slides up or down: the wedge that it is, unrolled."""
+    along = np.array([math.cos(SLOPE), math.sin(SLOPE)])  # of slope: tangential, axial
+    force = np.array([-math.sin(SLOPE), math.cos(SLOPE)]) - way * mu * along  # for a unit pressing force
+    matrix = np.array([[0.002, -0.01 * force[0]], [30 * PITCH, -force[1]]])
+    return float(np.linalg.solve(matrix, [0, -LOAD])[0])
+
+
+def test_a_screw_sticks_below_its_angle_of_friction_and_runs_down_above():
+    run = jack(math.tan(SLOPE) * 1.0001).forward(t=np.linspace(0, 300, 11))
+    np.testing.assert_array_equal(run.q, 0.3)
+    np.testing.assert_allclose(run.clutch_force, LOAD * PITCH, rtol=1e-13)
+    # Reaction and friction carry the weight between them, and no moment about the axis.
+    np.testing.assert_allclose((run.reaction + run.friction).values[:, 0], np.tile([0, 0, LOAD, 0, 0, 0], (11, 1)), atol=1e-11)
+    mu = math.tan(SLOPE) * 0.9
+    run = jack(mu).forward(t=np.linspace(0, 1, 11), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(run.q.values[:, 0], 0.3 + on_the_flank(mu, -1) * run.time.values**2 / 2, rtol=1e-9)
+    # Turned up by hand it comes to rest, stays, and has lost what friction took.
+    run = jack(0.3, velocity=20.0).forward(t=np.linspace(0, 1, 101), rtol=1e-10, atol=1e-12)
+    stop = 20.0 / -on_the_flank(0.3, 1)
+    np.testing.assert_allclose(times(run, "S", "stick"), [stop], rtol=1e-9)
+    late = run.q.values[run.time.values > stop, 0]
+    assert (late == late[0]).all() and late[0] == pytest.approx(0.3 + 10 * stop, rel=1e-9)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_screw_breaks_loose_at_the_torque_of_the_handbook(way):
+    mu = 0.25
+    breaks = LOAD * 0.01 * math.tan(SLOPE + way * math.atan(mu))
+    run = jack(mu, f"{way * 10} N*m/s*time").forward(t=np.linspace(0, 1, 21), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(times(run, "S", "slip"), [abs(breaks) / 10], rtol=1e-9)
+    assert way * run.q.values[-1, 0] > way * 0.3 and (run.status == 0).all()
+
+
 def test_hinges_that_turn_back_do_not_stick_and_all_come_to_rest_together():
     data: dict[str, Any] = {
         "space": "planar",

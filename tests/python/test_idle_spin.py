@@ -249,6 +249,57 @@ def test_loads_on_the_line_do_not_matter() -> None:
     assert np.abs(run.driving_force - linkdyn.Scene(rssr()).inverse().driving_force).max() > 1.0
 
 
+def swash_pump() -> dict[str, Any]:
+    """Three pistons of an axial pump, each with its shoe on the swash plate."""
+    tilt, reach = 0.3, 0.04
+    around = [2 * np.pi * k / 3 for k in range(3)]
+    return {
+        "space": "spatial", "gravity": [0, 0, -9.81], "time": {"end": 0.04, "samples": 201},
+        "frame": {"markers": {"O": [0, 0, 0], "plate": {"at": [0, 0, 0.1], "axis": [-np.sin(tilt), 0, np.cos(tilt)]}}},
+        "link": [
+            {"name": "barrel", "mass": 3.0, "inertia": [0.01, 0.01, 0.008, 0, 0, 0],
+             "markers": {"O": [0, 0, 0]} | {f"B{k}": [reach * np.cos(a), reach * np.sin(a), 0] for k, a in enumerate(around)}},
+            *({"name": f"piston{k}", "mass": 0.1, "inertia": [1e-5, 1e-5, 3e-6, 0, 0, 0], "markers": {"B": [0, 0, 0], "S": [0, 0, 0.08]}} for k in range(3)),
+            *({"name": f"shoe{k}", "mass": 0.02, "inertia": [1e-6, 1e-6, 1.5e-6, 0, 0, 0], "markers": {"S": [0, 0, 0], "P": [0.003, 0.001, 0.005]}} for k in range(3)),
+        ],
+        "joint": [
+            {"name": "shaft", "type": "revolute", "between": ["frame.O", "barrel.O"]},
+            *({"name": f"B{k}", "type": "prismatic", "between": [f"barrel.B{k}", f"piston{k}.B"]} for k in range(3)),
+            *({"name": f"S{k}", "type": "spherical", "between": [f"piston{k}.S", f"shoe{k}.S"]} for k in range(3)),
+            *({"name": f"P{k}", "type": "planar", "between": ["frame.plate", f"shoe{k}.P"]} for k in range(3)),
+        ],
+        "coordinate": [{"joint": "shaft", "motion": {"law": "constant-rate", "rate": "1500 rpm"}}],
+        "actuator": [{"joint": "shaft"}],
+        "load": [{"on": f"piston{k}.B", "force": [0, 0, 1000.0 * (k + 1)]} for k in range(3)],
+    }  # fmt: skip
+
+
+def test_shoes_on_a_swash_plate() -> None:
+    """A shoe with a ball may turn on its plane: it does not, and pistons and torque are those of the tilted plane."""
+    scene = linkdyn.Scene(swash_pump())
+    run = scene.inverse(want="all")
+    assert (run.status == 0).all() and run.attrs["idle_spins"] == "shoe0 shoe1 shoe2"
+    turn = run.q.values[:, 0]
+    torque = np.zeros_like(turn)
+    for k in range(3):
+        angle = turn + 2 * np.pi * k / 3
+        slope, bend = -0.04 * np.tan(0.3) * np.sin(angle), -0.04 * np.tan(0.3) * np.cos(angle)
+        push = 0.12 * (bend * (50 * np.pi) ** 2 + 9.81) - 1000.0 * (k + 1)
+        torque += push * slope
+        rate = run.joint_rate.sel(variable=f"B{k}.slide").values
+        np.testing.assert_allclose(rate, slope * 50 * np.pi, atol=1e-11)
+        # The plate pushes along its normal: what moves the piston is a part of that.
+        plate = run.reaction.sel(joint=f"P{k}").values[:, :3]
+        np.testing.assert_allclose(plate[:, 2], push, atol=1e-9)
+        np.testing.assert_allclose(plate[:, 0], -np.tan(0.3) * push, atol=1e-9)
+    np.testing.assert_allclose(run.driving_force.values[:, 0], torque, atol=1e-10)
+    np.testing.assert_allclose(scene.inverse(solver="reduced").driving_force, run.driving_force, atol=1e-10)
+    # A friction of the shoe would have to know how it turns.
+    rubs = swash_pump() | {"friction": [{"joint": "P0", "coulomb": 0.1}]}
+    with pytest.raises(linkdyn.SceneError, match="friction at joint 'P0' holds it back"):
+        linkdyn.Scene(rubs)
+
+
 def test_spins_are_told() -> None:
     """By `explain` and in the results; a scene without any says nothing."""
     scene = linkdyn.Scene(rssr())

@@ -43,17 +43,30 @@ export class Mechanism {
   /** Cams of a link: their outlines, and whether the body is inside of them. */
   cams(link) {
     return this.joints
-      .filter(({ type, links }) => type === "cam" && links[0] === link)
+      .filter(({ type, links, barrel }) => type === "cam" && links[0] === link && !barrel)
       .flatMap(({ outlines, side, groove }) =>
         outlines.map((line) => ({ line: line.map(vector), isBody: side > 0 && !groove })),
       );
+  }
+
+  /** Walls of the drums of a link: from each edge of a curve to the end of the drum. */
+  walls(link) {
+    return this.joints
+      .filter(({ type, links, barrel }) => type === "cam" && links[0] === link && barrel)
+      .flatMap(({ outlines }) => outlines.map((line) => line.map(vector)))
+      .flatMap((edge, i, lines) => (i % 2 ? [] : [{ edge, end: lines[i + 1] }]));
   }
 
   /** What rides on cams: markers of a link with a roller's radius, or with a flat face across their axis. */
   followers(link) {
     return this.joints
       .filter(({ type, links }) => type === "cam" && links[1] === link)
-      .map(({ ends, radius, follower }) => ({ ...ends[1], radius, isFlat: follower === "flat" }));
+      .map(({ ends, radius, follower, roller_axis }) => ({
+        ...ends[1],
+        radius,
+        isFlat: follower === "flat",
+        turnsAbout: vector(roller_axis),
+      }));
   }
 
   /** Straight runs of the belts whose wheels a link carries: pairs of points. */

@@ -21,6 +21,7 @@ export function drawSpatial(mechanism, palette, { up, ground }) {
   for (const joint of mechanism.joints) if (joint.type === "planar") drawTable(groups, joint, palette, unit);
   for (const joint of mechanism.joints) drawJoint(groups, joint, palette, unit);
   groups.forEach((group, k) => drawWheels(group, mechanism, k, palette, unit));
+  groups.forEach((group, k) => drawCams(group, mechanism, k, palette, unit));
   for (const group of groups) {
     group.traverse((mesh) => {
       mesh.castShadow = mesh.receiveShadow = true;
@@ -201,6 +202,56 @@ function drawTable(groups, { ends: [first, second], field }, palette, unit) {
   groups[first.link].add(table);
   const top = second.at.clone().addScaledVector(second.axis, 1.2 * unit);
   groups[second.link].add(rod(second.at, top, 2.6 * unit, palette.joint));
+}
+
+/** Outlines of cams, discs and drums; rollers as rings. */
+function drawCams(group, mechanism, k, palette, unit) {
+  const material = k === 0 ? palette.frame : palette.link(k).solid;
+  const wall = material.clone();
+  wall.side = THREE.DoubleSide;
+  for (const { line, isBody } of mechanism.cams(k)) {
+    group.add(closedTube(line, 0.4 * unit, material));
+    const plane = isBody ? planeThrough(line, unit) : null;
+    if (plane) group.add(disc(line, plane, 0.4 * unit, material));
+  }
+  for (const { edge, end } of mechanism.walls(k)) {
+    group.add(closedTube(edge, 0.4 * unit, material), closedTube(end, 0.4 * unit, material), loft(edge, end, wall));
+  }
+  for (const { at, radius, turnsAbout } of mechanism.followers(k)) {
+    if (!(radius > 0)) continue;
+    const half = turnsAbout.clone().multiplyScalar(Math.min(0.8 * unit, 0.5 * radius));
+    group.add(rod(at.clone().sub(half), at.clone().add(half), radius, material));
+  }
+}
+
+function closedTube(line, radius, material) {
+  return new THREE.Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(line, true), line.length, radius, 8, true), material);
+}
+
+/** What a flat closed line goes round, as a thin plate. */
+function disc(line, { centre, normal, first, second }, half, material) {
+  const flat = line.map((point) => {
+    const offset = point.clone().sub(centre);
+    return new THREE.Vector2(offset.dot(first), offset.dot(second));
+  });
+  const geometry = new THREE.ExtrudeGeometry(new THREE.Shape(flat), { depth: 2 * half, bevelEnabled: false });
+  const mesh = new THREE.Mesh(geometry.translate(0, 0, -half), material);
+  mesh.applyMatrix4(new THREE.Matrix4().makeBasis(first, second, normal).setPosition(centre));
+  return mesh;
+}
+
+/** The surface between two closed lines of as many points. */
+function loft(from, to, material) {
+  const n = from.length;
+  const geometry = new THREE.BufferGeometry().setFromPoints([...from, ...to]);
+  geometry.setIndex(
+    from.flatMap((_, i) => {
+      const next = (i + 1) % n;
+      return [i, next, n + i, next, n + next, n + i];
+    }),
+  );
+  geometry.computeVertexNormals();
+  return new THREE.Mesh(geometry, material);
 }
 
 function drawJoint(groups, { type, ends }, palette, unit) {
