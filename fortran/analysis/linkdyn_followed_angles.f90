@@ -18,8 +18,8 @@ module linkdyn_followed_angles
     use linkdyn_turns, only: turning_angles, list_turning
     implicit none (type, external)
     private
-    public :: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, looks_for_angles, &
-        follow_within, angles_about, angles_at
+    public :: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, follow_seen, &
+        looks_for_angles, follow_within, angles_about, angles_at
 
     !> Places of the last step through which the angles were followed, on lane 1: its beginning, some within, its end.
     type :: way_type
@@ -110,6 +110,26 @@ contains
         where (is_accepted) angles%t = t
         if (is_accepted(1)) call begin_way(angles, pace(1))
     end subroutine follow_angles
+
+    !> The same of joint angles that somebody else has seen, on all lanes.
+    subroutine follow_seen(model, t, angle, rate, angles)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                              !! [s]
+        real(wp), intent(in) :: angle(:), rate(:)              !! of the joint variables; of slides 0 (n_variable) [rad], [rad/s]
+        type(followed_angles), intent(inout) :: angles         !! of joints
+        real(wp) :: spin
+        integer :: i
+
+        do i = 1, size(angles%place)
+            associate (k => angles%place(i), kind => model%joint(angles%joint(i))%told_kind, v => angles%variable(i))
+                spin = merge(rate(k), 0.0_wp, angles%counts(i) .or. goes_round(kind, v))
+                angles%angle(:, k) = turned_to(angle(k), angles%angle(1, k), angles%spin(1, k), spin, t - angles%t(1))
+                angles%spin(:, k) = spin
+            end associate
+        end do
+        angles%t = t
+        call begin_way(angles, maxval(abs(rate)))
+    end subroutine follow_seen
 
     !> The value that a measured angle has behind a way along which it turns at the mean of its rates.
     elemental real(wp) function turned_to(value, before, spin_before, spin, duration) result(angle)

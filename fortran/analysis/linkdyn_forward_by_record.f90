@@ -2,11 +2,13 @@
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: stand_there
+    use linkdyn_constants, only: least_accuracy
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_forward_look, only: choose_looks, use_looks
+    use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
         place_touches, may_change_assembly, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
+    use linkdyn_joint_rates, only: measure_joints
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_lock, only: hold_records, release_records
     use linkdyn_look_program, only: look_choice
@@ -16,6 +18,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_representatives, only: representative_poses, set_in_motion
     use linkdyn_shared_programs, only: shared_programs, hold_programs
     use linkdyn_stage_places, only: forget_stages
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
 
 contains
@@ -30,7 +33,7 @@ contains
         associate (shared => self%shared)
             if (.not. associated(shared%rates)) then
                 allocate (shared%rates)
-                if (self%assembly%is_needed) then
+                if (wants_looks(self%model)) then
                     call choose_looks(self%model, self%equations%unknown%acceleration, choice)
                     call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
                                             shared%rates, choice)
@@ -126,6 +129,7 @@ contains
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
         real(wp), dimension(lanes) :: energy, kinetic
+        real(wp), dimension(lanes, self%model%n_variable) :: variable, variable_rate
         type(agreement) :: of_rates, of_looks
         integer :: obstacle(lanes), first, lane, n_used
         logical :: failed(lanes), is_left(lanes)
@@ -146,6 +150,7 @@ contains
             call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
             if (self%record%recorded%looks%is_made) then
                 call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
+                call measure_joints(self%model, self%workspace%state, variable, variable_rate)
                 call run_looks(self%record%recorded, lanes, self%record%samples)
             end if
             do lane = 1, min(lanes, size(pose, 2) - first + 1)
@@ -185,6 +190,21 @@ contains
                                 .and. are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, seen(out%margin:out%margin + n - 1)]) &
                                 .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, seen(out%drift:out%drift + n - 1)])
             end associate
+            if (sees_the_same) sees_the_same = sees_the_same_angles(lane)
         end function sees_the_same
+
+        logical function sees_the_same_angles(lane)
+            integer, intent(in) :: lane
+            integer, allocatable :: k(:)
+
+            k = angles_seen(self%model)
+            associate (out => self%record%recorded%look, n => size(k))
+                associate (angle => self%record%samples%seen(out%angle:out%angle + n - 1, lane), &
+                           spin => self%record%samples%seen(out%spin:out%spin + n - 1, lane))
+                    sees_the_same_angles = all(abs(least_angle(variable(lane, k) - angle)) <= least_accuracy) &
+                                           .and. are_alike([1.0_wp, variable_rate(lane, k)], [1.0_wp, spin])
+                end associate
+            end associate
+        end function sees_the_same_angles
     end subroutine compare_with_lanes
 end submodule linkdyn_forward_by_record

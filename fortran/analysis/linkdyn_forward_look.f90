@@ -9,15 +9,19 @@ module linkdyn_forward_look
     use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, close_near, &
         is_led_there
     use linkdyn_forward_state, only: state_layout
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_look_program, only: look_choice
     use linkdyn_model, only: model_type
     use linkdyn_recorded_rates, only: recorded_rates, run_looks
+    use linkdyn_scene, only: joint_n_variable
+    use linkdyn_turns, only: turns_by_itself
     implicit none (type, external)
     private
-    public :: forward_look, choose_looks, use_looks, free_looks, see_end, see_energies, is_seen
+    public :: forward_look, wants_looks, choose_looks, use_looks, free_looks
+    public :: see_end, see_energies, angles_seen, seen_angles, is_seen
 
     type :: forward_look
         logical :: is_usable = .false.
@@ -25,9 +29,17 @@ module linkdyn_forward_look
         type(forward_record) :: record
         real(wp), private :: t = 0                     !! it [s]
         real(wp), allocatable, private :: y(:)         !! (n)
+        integer, allocatable, private :: angle(:)      !! joint variables that are seen as angles
     end type forward_look
 
 contains
+
+    !> Is there something to be seen of a scene's steps: does an assembly have to be kept, or turns of joints be counted?
+    pure logical function wants_looks(model)
+        type(model_type), intent(in) :: model
+
+        wants_looks = follows_assembly(model) .or. turns_by_itself(model)
+    end function wants_looks
 
     !> What is to be seen of a scene's steps: it hangs on the model alone, so that all who share a record see the same.
     subroutine choose_looks(model, is_free, choice)
@@ -38,7 +50,8 @@ contains
         type(bounce_watch) :: bounce
         integer :: v, k
 
-        allocate (choice%joint(0), choice%link(0), choice%compared(2, 0), choice%coordinate(0))
+        allocate (choice%joint(0), choice%link(0), choice%compared(2, 0), choice%coordinate(0), choice%angle(2, 0))
+        if (turns_by_itself(model)) choice%angle = angles_of_joints(model)
         call prepare_bounce_watch(model, is_free, bounce)
         if (bounce%is_on) then
             choice%joint = bounce%joint
@@ -51,16 +64,58 @@ contains
         choice%compared = choice%compared(:, pack([(v, v=1, model%n_variable)], watch%is_candidate))
     end subroutine choose_looks
 
+    !> All joint angles, by joint and place in it: what of them turns by itself is followed by how fast any of them turns.
+    pure function angles_of_joints(model) result(angle)
+        type(model_type), intent(in) :: model
+        integer, allocatable :: angle(:, :)            ! (2, angle)
+        integer, allocatable :: listed(:)
+        integer :: j, v
+
+        allocate (listed(0))
+        do j = 1, model%n_joint
+            do v = 1, joint_n_variable(model%joint(j)%told_kind)
+                if (.not. is_slide(model%joint(j)%told_kind, v)) listed = [listed, j, v]
+            end do
+        end do
+        angle = reshape(listed, [2, size(listed)/2])
+    end function angles_of_joints
+
     !> Use a record of the scene, if that can look.
     subroutine use_looks(model, recorded, look)
         type(model_type), intent(in) :: model
         type(recorded_rates), intent(in) :: recorded
         type(forward_look), intent(out) :: look
 
-        look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. follows_assembly(model) &
+        look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. wants_looks(model) &
                          .and. size(recorded%model%group) == size(model%group)
-        if (look%is_usable) call use_forward_rates(model, recorded, look%record)
+        if (.not. look%is_usable) return
+        call use_forward_rates(model, recorded, look%record)
+        look%angle = angles_seen(model)
     end subroutine use_looks
+
+    !> Which joint variables are seen as angles.
+    pure function angles_seen(model) result(variable)
+        type(model_type), intent(in) :: model
+        integer, allocatable :: variable(:)
+        integer, allocatable :: angle(:, :)
+
+        allocate (angle(2, 0))
+        if (turns_by_itself(model)) angle = angles_of_joints(model)
+        variable = model%joint(angle(1, :))%first_variable + angle(2, :)
+    end function angles_seen
+
+    !> Joint angles and their rates in the state that has been seen; 0 for slides.
+    pure subroutine seen_angles(look, angle, spin)
+        type(forward_look), intent(in) :: look
+        real(wp), intent(out) :: angle(:), spin(:)     !! (n_variable) [rad], [rad/s]
+
+        angle = 0
+        spin = 0
+        associate (out => look%record%recorded%look, seen => look%record%samples%seen(:, 1), n => size(look%angle))
+            angle(look%angle) = seen(out%angle:out%angle + n - 1)
+            spin(look%angle) = seen(out%spin:out%spin + n - 1)
+        end associate
+    end subroutine seen_angles
 
     subroutine free_looks(look)
         type(forward_look), intent(inout) :: look

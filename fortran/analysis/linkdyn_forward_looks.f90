@@ -1,7 +1,8 @@
 !> The ends of steps, seen by the scene's record: who judges a step, and who goes on from it, shares what has been seen once.
 submodule (linkdyn_forward_system) linkdyn_forward_looks
     use linkdyn_coordinate_watch, only: take_rates
-    use linkdyn_forward_look, only: see_end, see_energies, is_seen
+    use linkdyn_followed_angles, only: follow_seen
+    use linkdyn_forward_look, only: see_end, see_energies, seen_angles, is_seen
     use linkdyn_forward_record, only: accept_recorded
     implicit none (type, external)
 
@@ -31,17 +32,25 @@ contains
         scale = abs(energy(1)) + kinetic(1) + abs(state(self%layout%supplied, 1))
     end procedure see_surplus
 
+    !> Has an accepted state been seen by the record, or can it be seen now? Methods that begin their next step by the rates there have
+    !> just evaluated it.
+    module procedure sees_accepted
+        real(wp) :: rate(self%n)
+        logical :: failed
+
+        sees_accepted = self%looks%is_usable .and. self%lanes_are_one .and. all(is_accepted)
+        if (.not. sees_accepted) return
+        sees_accepted = is_seen(self%looks, t(1), y(1, :))
+        if (sees_accepted .or. .not. self%is_by_record) return
+        if (.not. (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried))) &
+            call self%evaluate_alone(t(1), y(1, :), rate, failed)
+        sees_accepted = sees_end(self)
+    end procedure sees_accepted
+
     !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were found.
     module procedure accept_by_look
         real(wp), dimension(lanes) :: energy, kinetic
 
-        is_done = self%looks%is_usable .and. self%lanes_are_one .and. all(is_accepted)
-        if (.not. is_done) return
-        is_done = is_seen(self%looks, t(1), y(1, :))
-        if (.not. is_done .and. self%is_by_record) then
-            if (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried)) is_done = sees_end(self)
-        end if
-        if (.not. is_done) return
         associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)
             associate (seen => record%samples%seen(:, 1))
                 call accept_recorded(self%model, t, seen(out%margin:out%margin + n - 1), seen(out%drift:out%drift + n - 1), &
@@ -54,6 +63,14 @@ contains
         call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
         call note_record(t(1), y(1, :), self%turns, self%energy)
     end procedure accept_by_look
+
+    !> Joint angles have turned on the way to the accepted state that the record has seen.
+    module procedure follow_seen_turns
+        real(wp), dimension(self%model%n_variable) :: angle, spin
+
+        call seen_angles(self%looks, angle, spin)
+        call follow_seen(self%model, t, angle, spin, self%of_joints)
+    end procedure follow_seen_turns
 
     !> How joints and links move that are watched for bounces.
     module procedure seen_motion

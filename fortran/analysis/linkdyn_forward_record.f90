@@ -15,7 +15,7 @@ module linkdyn_forward_record
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_laws, only: evaluate_law
+    use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants
     use linkdyn_led_groups, only: lead_places
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
@@ -46,7 +46,9 @@ module linkdyn_forward_record
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
         real(wp), allocatable :: counted(:, :)         !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
-        real(wp), allocatable, private :: law(:, :)    !! what drives' laws give at an instant, and their rates (2, n_actuator)
+        real(wp), allocatable, private :: law(:, :)    !! what drives' laws give at an instant, their rates and accelerations
+                                                       !! (3, n_actuator)
+        type(law_instants), private :: instant         !! it
         integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
                                                        !! 0: none (n_actuator)
         integer, allocatable, private :: measured(:)   !! coordinate that a measure is: its turns are told apart; 0: none (measure)
@@ -186,7 +188,7 @@ contains
         call make_rate_samples(record%recorded, lanes, record%samples)
         allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
         if (places_groups(record%recorded)) call prepare_stage_places(model, record%stage)
-        allocate (record%followed(model%n_actuator), record%law(2, model%n_actuator), record%is_sprung(model%n_q))
+        allocate (record%followed(model%n_actuator), record%law(3, model%n_actuator), record%is_sprung(model%n_q))
         allocate (record%given_force(lanes, model%n_actuator), record%counted(lanes, model%n_q), source=0.0_wp)
         record%followed = 0
         record%is_sprung = .false.
@@ -237,7 +239,6 @@ contains
         logical, intent(in) :: by_inverse(:)           !! `record%given_force` has their forces (n_actuator)
         type(forward_record), intent(inout) :: record
         real(wp), pointer, contiguous :: load(:, :, :)
-        real(wp) :: rate2
         integer :: lane, i, k, p
 
         associate (samples => record%samples, law => record%law)
@@ -268,7 +269,7 @@ contains
                     if (p > 0) samples%quaternion(4*i - 3:4*i, lane) = y(lane, p:p + 3)
                 end do
                 do i = 1, model%n_actuator
-                    samples%target(2*i - 1:2*i, lane) = law(:, i)
+                    samples%target(2*i - 1:2*i, lane) = law(:2, i)
                     k = record%followed(i)
                     if (k > 0) samples%target(2*i - 1, lane) = law(1, i) - turns_of(k)
                     samples%effort(i, lane) = law(1, i)
@@ -288,19 +289,22 @@ contains
         !> What depends on time alone.
         subroutine look_at_laws()
             record%law = 0
+            call set_instants(record%instant, t(lane:lane))
             do i = 1, model%n_actuator
                 associate (drive => model%scene%actuator(i)%drive, law => record%law)
                     if (drive%kind == drive_constant) then
                         law(1, i) = drive%value(1)     ! of a motor, else nobody asks
                     else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
-                        call evaluate_law(drive%target, t(lane), law(1, i), law(2, i), rate2)
+                        call evaluate_at_instants(drive%target, record%instant, law(1:1, i), law(2:2, i), law(3:3, i))
                     end if
                 end associate
             end do
             do k = 1, model%n_q
-                if (layout%rate(k) == 0) &
-                    call evaluate_law(model%scene%coordinate(k)%motion, t(lane), record%samples%q(k, lane), &
-                                      record%samples%qd(k, lane), record%samples%qdd(k, lane))
+                if (layout%rate(k) > 0) cycle
+                associate (samples => record%samples)
+                    call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k:k, lane), &
+                                              samples%qd(k:k, lane), samples%qdd(k:k, lane))
+                end associate
             end do
             if (model%scene%base%moves) call evaluate_base(model, t(lane:lane), record%samples%base(:, lane:lane))
             if (size(model%payload) > 0) call evaluate_payloads(model, t(lane:lane), record%samples%payload(:, lane:lane))

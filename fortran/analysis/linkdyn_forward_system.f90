@@ -211,12 +211,24 @@ module linkdyn_forward_system
             logical, intent(out) :: are_seen               !! else the rest is nothing
         end subroutine see_surplus
 
+        module logical function sees_accepted(self, t, y, is_accepted)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+            logical, intent(in) :: is_accepted(lanes)
+        end function sees_accepted
+
         module logical function accept_by_look(self, t, y, is_accepted) result(is_done)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
             real(wp), intent(in) :: y(:, :)
             logical, intent(in) :: is_accepted(lanes)
         end function accept_by_look
+
+        module subroutine follow_seen_turns(self, t)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+        end subroutine follow_seen_turns
 
         module function seen_motion(self, is_acceleration) result(motion)
             class(forward_system), intent(in) :: self
@@ -760,10 +772,10 @@ contains
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         self%control%state%blind = 0
-        is_seen = .false.
+        is_seen = sees_accepted(self, t, y, is_accepted)
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
-            is_seen = accept_by_look(self, t, y, is_accepted)
+            if (is_seen) is_seen = accept_by_look(self, t, y, is_accepted)
             if (.not. is_seen) then
                 call accept_assembly(self%model, t, is_accepted, self%assembly)
                 call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
@@ -777,7 +789,7 @@ contains
         end if
         call accept_motion(t, is_accepted, self%of_motion)
         if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) &
-            call follow_turns(self, t, y, is_accepted, self%assembly%is_needed .and. .not. is_seen)
+            call follow_turns(self, t, y, is_accepted, is_seen)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -790,16 +802,21 @@ contains
     end subroutine begin_chain_of_stages
 
     !> Angles have turned on the way to an accepted state.
-    subroutine follow_turns(self, t, y, is_accepted, is_at_hand)
+    subroutine follow_turns(self, t, y, is_accepted, is_seen)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
-        logical, intent(in) :: is_at_hand              !! the state has just been computed on lanes
+        logical, intent(in) :: is_seen                 !! by the record; else it has just been computed on lanes, if it had to be
 
-        if (is_at_hand .and. .not. wraps_anywhere(self%angles)) then
-            call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
-            return
+        if (.not. wraps_anywhere(self%angles)) then
+            if (is_seen) then
+                call follow_seen_turns(self, t(1))
+                return
+            else if (self%assembly%is_needed) then
+                call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
+                return
+            end if
         end if
         call self%look_closely(t, y)
         if (wraps_anywhere(self%angles)) call follow_angles(self%model, self%look, t, is_accepted, self%angles)

@@ -14,7 +14,8 @@ module linkdyn_turns
     use linkdyn_whole_turns, only: nearest_turns, least_angle
     implicit none (type, external)
     private
-    public :: turn_count, turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
+    public :: turn_count, turning_angles, list_turning, turns_by_itself, count_sample, turn_at_mean_rates
+    public :: size_of_step, largest_step
 
     !> Steps of coordinates that are longer leave room for a turn between alike rates [rad, or the scene's size].
     real(wp), parameter :: largest_step = pi/2
@@ -67,6 +68,15 @@ contains
             if (is_length(model, k)) angles%weight(k) = 1/scene_size(model)
         end do
     end subroutine list_turning
+
+    !> Has a scene an angle of whole turns that is no coordinate?
+    pure logical function turns_by_itself(model)
+        type(model_type), intent(in) :: model
+        type(turning_angles) :: angles
+
+        call list_turning(model, angles)
+        turns_by_itself = any(angles%coordinate == 0)
+    end function turns_by_itself
 
     !> Is a joint a ball on a link that spins idly?
     pure logical function is_idle(model, joint)

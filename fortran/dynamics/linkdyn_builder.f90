@@ -9,6 +9,7 @@ module linkdyn_builder
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
+    use linkdyn_laws, only: have_same_course
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
@@ -22,7 +23,7 @@ module linkdyn_builder
     use linkdyn_planner, only: plan_steps
     use linkdyn_preloads, only: refuse_idle_preloads
     use linkdyn_release, only: release_joints
-    use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
+    use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, joint_n_variable, &
         joint_prismatic, frame_link, n_holding
     use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
@@ -214,7 +215,7 @@ contains
         call take_motors(model)
         call list_contacts(model%scene, model%contact)
         call spread_weld_starts(model)
-        call number_tables(model%scene)
+        call number_courses(model%scene)
         call list_joints_of_links(model)
         call settle_spins(model, status)
         call plan_links(model, status, closed_forms)
@@ -292,49 +293,53 @@ contains
         call hold_spins(model, model%scene%hold)
     end subroutine settle_spins
 
-    !> Motions and loads from tables with the same knots get the same number: one search serves them all.
-    subroutine number_tables(scene)
+    !> Laws that do the same in the same time get the same number: one look at the time serves them all.
+    subroutine number_courses(scene)
         type(scene_type), intent(inout), target :: scene
         type :: law_pointer
             type(law_spec), pointer :: law
         end type law_pointer
-        type(law_pointer) :: found(size(scene%coordinate) + 6*size(scene%load))    ! the first law of each number
+        type(law_pointer), allocatable :: found(:)     ! the first law of each number
         integer :: n_found, i, k
 
+        allocate (found(size(scene%coordinate) + size(scene%actuator) + size(scene%base%motion) + size(scene%payload) &
+                        + 6*size(scene%load)))
         n_found = 0
         do i = 1, size(scene%coordinate)
-            call number_table(scene%coordinate(i)%motion)
+            call number_course(scene%coordinate(i)%motion)
+        end do
+        do i = 1, size(scene%actuator)
+            call number_course(scene%actuator(i)%drive%target)
         end do
         do i = 1, size(scene%base%motion)
-            call number_table(scene%base%motion(i))
+            call number_course(scene%base%motion(i))
         end do
         do i = 1, size(scene%payload)
-            call number_table(scene%payload(i)%mass)
+            call number_course(scene%payload(i)%mass)
         end do
         do i = 1, size(scene%load)
             do k = 1, 3
-                call number_table(scene%load(i)%force(k))
-                call number_table(scene%load(i)%moment(k))
+                call number_course(scene%load(i)%force(k))
+                call number_course(scene%load(i)%moment(k))
             end do
         end do
 
     contains
 
-        subroutine number_table(law)
+        subroutine number_course(law)
             type(law_spec), intent(inout), target :: law
             integer :: j
 
-            if (law%kind /= law_table) return
+            if (.not. have_same_course(law, law)) return
             do j = 1, n_found
-                if (size(found(j)%law%time) /= size(law%time)) cycle
-                if (all(found(j)%law%time == law%time)) exit
+                if (have_same_course(found(j)%law, law)) exit
             end do
-            law%table = j
+            law%course = j
             if (j <= n_found) return
             n_found = j
             found(n_found)%law => law
-        end subroutine number_table
-    end subroutine number_tables
+        end subroutine number_course
+    end subroutine number_courses
 
     !> A `branch` where there is none to be chosen.
     subroutine refuse_idle_branches(model, status)

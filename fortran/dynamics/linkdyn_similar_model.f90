@@ -282,6 +282,7 @@ contains
         do i = 1, merge(4, 2, law%kind == law_harmonic)
             law%value(i) = merge(scale, 1.0_wp, i <= 2)*near_one([key, i])*law%value(i)
         end do
+        if (law%kind == law_harmonic) law%course = 0    ! its frequency and phase are its own now
         if (allocated(law%knot)) law%knot = [(scale*near_one([key, i])*law%knot(i), i=1, size(law%knot))]
         if (allocated(law%curvature)) law%curvature = scale*law%curvature
     end subroutine scale_law

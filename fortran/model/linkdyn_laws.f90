@@ -11,18 +11,26 @@ module linkdyn_laws
     use linkdyn_table, only: table_place, find_places, evaluate_table, interval_of
     implicit none (type, external)
     private
-    public :: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, law_end, law_kinks
+    public :: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, have_same_course, law_end, law_kinks
 
     integer, parameter :: most_instants = 64   !! some kilobytes of places: they stay in the first cache
 
-    !> Instants for one law after the other: tables with the same knots share the search among these.
+    !> Where in its course a law is, and what it has there in common with all laws that do the same in the same time.
+    type :: law_shape
+        integer :: interval = 0                !! between its knots; 0: it has not begun
+        logical :: from_end = .false.          !! in the second half of an interval: counted back from its end
+        real(wp) :: of(0:2) = 0                !! value, rate and acceleration of a course of unit size and duration
+    end type law_shape
+
+    !> Instants for one law after the other: those that do the same in the same time share the search among these, and what costs most.
     type :: law_instants
         private
         integer :: n = 0
         real(wp) :: t(most_instants)           !! [s]
-        integer :: table = 0                   !! of the laws among whose knots `place` is; 0: of none
+        integer :: course = 0                  !! of the laws whose places and shapes these are; 0: of none
         integer :: near = 1                    !! the interval found last
         type(table_place) :: place(most_instants)
+        type(law_shape) :: shape(most_instants)
     end type law_instants
 
 contains
@@ -34,9 +42,48 @@ contains
         real(wp), intent(out) :: value         !! in the unit of the quantity (m, rad, N, N m)
         real(wp), intent(out) :: rate          !! unit/s
         real(wp), intent(out) :: acceleration  !! unit/s2
-        real(wp) :: phase, at_place(3, 1)
+        real(wp) :: at_place(3, 1)
         type(table_place) :: place(1)
+        type(law_shape) :: shape
         integer :: near
+
+        if (law%kind == law_table) then
+            near = 1
+            call find_places(law%time, [t], near, place)
+            call evaluate_table(law, place, at_place(1, :), at_place(2, :), at_place(3, :))
+            value = at_place(1, 1)
+            rate = at_place(2, 1)
+            acceleration = at_place(3, 1)
+        else
+            call find_shape(law, t, shape)
+            call take_shape(law, t, shape, value, rate, acceleration)
+        end if
+    end subroutine evaluate_law
+
+    !> Where in its course a law is; of one that needs no sine, nothing.
+    pure subroutine find_shape(law, t, shape)
+        type(law_spec), intent(in) :: law
+        real(wp), intent(in) :: t              !! [s]
+        type(law_shape), intent(out) :: shape
+        real(wp) :: phase
+
+        select case (law%kind)
+        case (law_cycloidal_start)
+            call find_start(law%value(3), t, shape)
+        case (law_cycloidal, law_polynomial_345)
+            call find_rest_to_rest(law, t, shape)
+        case (law_harmonic)
+            phase = law%value(3)*t + law%value(4)
+            shape%of = [sin(phase), cos(phase), -sin(phase)]
+        end select
+    end subroutine find_shape
+
+    !> A law of its own size from there.
+    pure subroutine take_shape(law, t, shape, value, rate, acceleration)
+        type(law_spec), intent(in) :: law
+        real(wp), intent(in) :: t              !! [s]
+        type(law_shape), intent(in) :: shape
+        real(wp), intent(out) :: value, rate, acceleration
 
         value = law%value(1)
         rate = 0
@@ -48,24 +95,16 @@ contains
             value = law%value(1) + law%value(2)*t
             rate = law%value(2)
         case (law_cycloidal_start)
-            call evaluate_start(law%value(2), law%value(3), t, value, rate, acceleration)
+            call take_start(law%value(2), law%value(3), t, shape, value, rate, acceleration)
             value = law%value(1) + value
         case (law_cycloidal, law_polynomial_345)
-            call evaluate_rest_to_rest(law, t, value, rate, acceleration)
+            call take_rest_to_rest(law, shape, value, rate, acceleration)
         case (law_harmonic)
-            phase = law%value(3)*t + law%value(4)
-            value = law%value(1) + law%value(2)*sin(phase)
-            rate = law%value(2)*law%value(3)*cos(phase)
-            acceleration = -law%value(2)*law%value(3)**2*sin(phase)
-        case (law_table)
-            near = 1
-            call find_places(law%time, [t], near, place)
-            call evaluate_table(law, place, at_place(1, :), at_place(2, :), at_place(3, :))
-            value = at_place(1, 1)
-            rate = at_place(2, 1)
-            acceleration = at_place(3, 1)
+            value = law%value(1) + law%value(2)*shape%of(0)
+            rate = law%value(2)*law%value(3)*shape%of(1)
+            acceleration = law%value(2)*law%value(3)**2*shape%of(2)
         end select
-    end subroutine evaluate_law
+    end subroutine take_shape
 
     !> Have laws evaluated at these instants.
     pure subroutine set_instants(instants, t)
@@ -74,7 +113,7 @@ contains
 
         instants%n = size(t)
         instants%t(:instants%n) = t
-        instants%table = 0
+        instants%course = 0
     end subroutine set_instants
 
     !> As `evaluate_law`, at all these instants.
@@ -84,94 +123,133 @@ contains
         real(wp), intent(out) :: value(:)      !! (n)
         real(wp), intent(out), optional :: rate(:), acceleration(:)    !! (n), both or none
         real(wp) :: other_rate, other_acceleration
+        logical :: is_known
         integer :: i
 
+        is_known = law%course > 0 .and. law%course == instants%course
+        instants%course = law%course
         associate (n => instants%n)
             if (law%kind == law_table) then
-                if (law%table == 0 .or. law%table /= instants%table) &
-                    call find_places(law%time, instants%t(:n), instants%near, instants%place(:n))
-                instants%table = law%table
+                if (.not. is_known) call find_places(law%time, instants%t(:n), instants%near, instants%place(:n))
                 call evaluate_table(law, instants%place(:n), value, rate, acceleration)
-            else if (present(rate)) then
-                do i = 1, n
-                    call evaluate_law(law, instants%t(i), value(i), rate(i), acceleration(i))
-                end do
-            else
-                do i = 1, n
-                    call evaluate_law(law, instants%t(i), value(i), other_rate, other_acceleration)
-                end do
+                return
             end if
+            do i = 1, n
+                if (.not. is_known) call find_shape(law, instants%t(i), instants%shape(i))
+                if (present(rate)) then
+                    call take_shape(law, instants%t(i), instants%shape(i), value(i), rate(i), acceleration(i))
+                else
+                    call take_shape(law, instants%t(i), instants%shape(i), value(i), other_rate, other_acceleration)
+                end if
+            end do
         end associate
     end subroutine evaluate_at_instants
 
+    !> Do two laws the same in the same time, if in other sizes? Only of laws whose courses cost something.
+    pure logical function have_same_course(a, b)
+        type(law_spec), intent(in) :: a, b
+
+        have_same_course = a%kind == b%kind
+        if (.not. have_same_course) return
+        select case (a%kind)
+        case (law_table, law_cycloidal, law_polynomial_345)
+            have_same_course = size(a%time) == size(b%time)
+            if (have_same_course) have_same_course = all(a%time == b%time)
+        case (law_cycloidal_start)
+            have_same_course = a%value(3) == b%value(3)
+        case (law_harmonic)
+            have_same_course = all(a%value(3:4) == b%value(3:4))
+        case default
+            have_same_course = .false.
+        end select
+    end function have_same_course
+
     !> Cycloidal start-up: the rate climbs as speed*(u - sin(2 pi u)/(2 pi)), u = t/duration, then stays.
-    pure subroutine evaluate_start(speed, duration, t, value, rate, acceleration)
-        real(wp), intent(in) :: speed          !! final rate [unit/s]
+    pure subroutine find_start(duration, t, shape)
         real(wp), intent(in) :: duration       !! of the start-up [s]
         real(wp), intent(in) :: t              !! [s]
-        real(wp), intent(out) :: value, rate, acceleration
+        type(law_shape), intent(inout) :: shape
         real(wp) :: x
 
         if (t <= 0) then
+            shape%interval = 0
+        else if (t >= duration) then
+            shape%interval = 2
+        else
+            shape%interval = 1
+            x = two_pi*(t/duration)
+            shape%of = [cosine_excess(x)/two_pi**2, sine_deficit(x)/two_pi, 2*sin_half_turn(t/duration)**2]
+        end if
+    end subroutine find_start
+
+    pure subroutine take_start(speed, duration, t, shape, value, rate, acceleration)
+        real(wp), intent(in) :: speed          !! final rate [unit/s]
+        real(wp), intent(in) :: duration       !! of the start-up [s]
+        real(wp), intent(in) :: t              !! [s]
+        type(law_shape), intent(in) :: shape
+        real(wp), intent(out) :: value, rate, acceleration
+
+        select case (shape%interval)
+        case (0)
             value = 0
             rate = 0
             acceleration = 0
-        else if (t >= duration) then
+        case (1)
+            value = speed*duration*shape%of(0)
+            rate = speed*shape%of(1)
+            acceleration = speed/duration*shape%of(2)
+        case default
             value = speed*(t - duration/2)
             rate = speed
             acceleration = 0
-        else
-            x = two_pi*(t/duration)
-            value = speed*duration*cosine_excess(x)/two_pi**2
-            rate = speed*sine_deficit(x)/two_pi
-            acceleration = 2*speed/duration*sin_half_turn(t/duration)**2
-        end if
-    end subroutine evaluate_start
+        end select
+    end subroutine take_start
 
     !> Rest to rest from knot to knot; knots of equal value are a dwell.
-    pure subroutine evaluate_rest_to_rest(law, t, value, rate, acceleration)
+    pure subroutine find_rest_to_rest(law, t, shape)
         type(law_spec), intent(in) :: law
         real(wp), intent(in) :: t              !! [s]
-        real(wp), intent(out) :: value, rate, acceleration
-        real(wp) :: duration, stroke, u, shape(0:2)
-        logical :: is_second_half
-        integer :: i, n
+        type(law_shape), intent(inout) :: shape
+        real(wp) :: duration, u
 
-        n = size(law%time)
-        rate = 0
-        acceleration = 0
-        if (t <= law%time(1)) then
-            value = law%knot(1)
-            return
-        else if (t >= law%time(n)) then
-            value = law%knot(n)
-            return
-        end if
-        i = interval_of(law%time, t, 1)
-        duration = law%time(i + 1) - law%time(i)
-        stroke = law%knot(i + 1) - law%knot(i)
-        ! Both shapes are point-symmetric: the second half is the first one seen from the end, so that
-        ! what is left to go keeps its digits as well.
-        is_second_half = 2*(t - law%time(i)) > duration
-        if (is_second_half) then
-            u = (law%time(i + 1) - t)/duration
-        else
-            u = (t - law%time(i))/duration
-        end if
+        associate (n => size(law%time), i => shape%interval)
+            i = 0
+            if (t <= law%time(1)) return
+            i = n
+            if (t >= law%time(n)) return
+            i = interval_of(law%time, t, 1)
+            duration = law%time(i + 1) - law%time(i)
+            ! Both shapes are point-symmetric: the second half is the first one seen from the end, so that
+            ! what is left to go keeps its digits as well.
+            shape%from_end = 2*(t - law%time(i)) > duration
+            u = merge(law%time(i + 1) - t, t - law%time(i), shape%from_end)/duration
+        end associate
         if (law%kind == law_cycloidal) then
-            shape = [sine_deficit(two_pi*u)/two_pi, 2*sin_half_turn(u)**2, two_pi*sin(two_pi*u)]
+            shape%of = [sine_deficit(two_pi*u)/two_pi, 2*sin_half_turn(u)**2, two_pi*sin(two_pi*u)]
         else
-            shape = [u**3*(10 - u*(15 - 6*u)), 30*(u*(1 - u))**2, 60*u*(1 - u)*(1 - 2*u)]
+            shape%of = [u**3*(10 - u*(15 - 6*u)), 30*(u*(1 - u))**2, 60*u*(1 - u)*(1 - 2*u)]
         end if
-        rate = stroke*shape(1)/duration
-        if (is_second_half) then
-            value = law%knot(i + 1) - stroke*shape(0)
-            acceleration = -stroke*shape(2)/duration**2
-        else
-            value = law%knot(i) + stroke*shape(0)
-            acceleration = stroke*shape(2)/duration**2
-        end if
-    end subroutine evaluate_rest_to_rest
+        if (shape%from_end) shape%of([0, 2]) = -shape%of([0, 2])
+    end subroutine find_rest_to_rest
+
+    pure subroutine take_rest_to_rest(law, shape, value, rate, acceleration)
+        type(law_spec), intent(in) :: law
+        type(law_shape), intent(in) :: shape
+        real(wp), intent(out) :: value, rate, acceleration
+        real(wp) :: duration, stroke
+
+        associate (n => size(law%time), i => shape%interval)
+            rate = 0
+            acceleration = 0
+            value = law%knot(max(i, 1))
+            if (i == 0 .or. i == n) return
+            duration = law%time(i + 1) - law%time(i)
+            stroke = law%knot(i + 1) - law%knot(i)
+            value = merge(law%knot(i + 1), law%knot(i), shape%from_end) + stroke*shape%of(0)
+            rate = stroke*shape%of(1)/duration
+            acceleration = stroke*shape%of(2)/duration**2
+        end associate
+    end subroutine take_rest_to_rest
 
     !> The instant after which a law does nothing new: end of its knots or its start-up, one period of
     !> a harmonic; 0 if it is the same for ever.

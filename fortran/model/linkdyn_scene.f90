@@ -174,7 +174,8 @@ module linkdyn_scene
         integer :: kind = law_none
         real(wp) :: value(4) = 0                  !! see the `law_*` constants
         integer :: law = 0                        !! of the scene's law book (law_over)
-        integer :: table = 0                      !! laws of a model with the same number have the same knots; 0: nobody has looked
+        integer :: course = 0                     !! laws of a model with the same number do the same in the same time, if in
+                                                  !! other sizes; 0: nobody has looked
         real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
         real(wp), allocatable :: knot(:)          !! value at the knots (n)
         real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines

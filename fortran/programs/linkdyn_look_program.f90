@@ -3,7 +3,7 @@
 module linkdyn_look_program
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of
     use linkdyn_inputs, only: trace_request, sample_set
-    use linkdyn_joint_variables, only: variable_rate, variable_acceleration
+    use linkdyn_joint_variables, only: one_variable, variable_rate, variable_acceleration
     use linkdyn_margins, only: assembly_margins
     use linkdyn_model, only: model_type
     use linkdyn_motion_quantities, only: link_energy, gravity_energy
@@ -26,6 +26,7 @@ module linkdyn_look_program
         integer, allocatable :: link(:)                !! whose angular velocity and acceleration are wanted
         integer, allocatable :: compared(:, :)         !! joint and place of variables whose rates by coordinates are wanted (2, variable)
         integer, allocatable :: coordinate(:)          !! by a unit rate of each of these
+        integer, allocatable :: angle(:, :)            !! joint and place of joint angles that are wanted with their rates (2, angle)
     end type look_choice
 
     !> Where everything begins among the outputs of a sample.
@@ -40,6 +41,8 @@ module linkdyn_look_program
         integer :: rate = 0                    !! of joints [rad/s, m/s], then of links (joint + 3 link)
         integer :: acceleration = 0            !! likewise [rad/s2, m/s2]
         integer :: compared = 0                !! rates for a unit rate of a coordinate (variable, coordinate)
+        integer :: angle = 0                   !! of joints [rad], but for turns
+        integer :: spin = 0                    !! their rates [rad/s]
     end type look_outputs
 
 contains
@@ -57,7 +60,7 @@ contains
         type(traced_type) :: traced
         type(output_list) :: list
         type(value), dimension(model%n_branch) :: margin, drift
-        type(value), allocatable :: rate(:), acceleration(:), compared(:)
+        type(value), allocatable :: rate(:), acceleration(:), compared(:), angle(:), spin(:)
         type(value) :: kinetic
 
         of_motion = request
@@ -69,12 +72,16 @@ contains
             call assembly_margins(traced%mechanism, margin, drift)
             call measure_motion(traced, choice, rate, acceleration)
             compared = compared_rates(traced, choice)
+            call measure_angles(traced, choice, angle, spin)
             call add_output(list, out_looks, [kinetic, kinetic + gravity_energy(traced%mechanism), alarm_of(traced), &
-                                              reach_of(traced), margin, drift, rate, acceleration, compared])
+                                              reach_of(traced), margin, drift, rate, acceleration, compared, angle, spin])
             call make_scene_program(record, traced%in, list, program)
-            out = look_outputs(n=size(list%v), kinetic=1, energy=2, alarm=3, reach=4, margin=5, drift=5 + model%n_branch, &
-                               rate=5 + 2*model%n_branch, acceleration=5 + 2*model%n_branch + size(rate), &
-                               compared=5 + 2*model%n_branch + 2*size(rate))
+            out = look_outputs(n=size(list%v), kinetic=1, energy=2, alarm=3, reach=4, margin=5, drift=5 + model%n_branch)
+            out%rate = out%drift + model%n_branch
+            out%acceleration = out%rate + size(rate)
+            out%compared = out%acceleration + size(acceleration)
+            out%angle = out%compared + size(compared)
+            out%spin = out%angle + size(angle)
         end if
         call close_record(record)
     end subroutine make_look_program
@@ -96,6 +103,20 @@ contains
             acceleration = [acceleration, components(alpha_of(traced%mechanism%bodies, choice%link(i), world_axes))]
         end do
     end subroutine measure_motion
+
+    !> Joint angles, whose turns are followed from step to step.
+    subroutine measure_angles(traced, choice, angle, spin)
+        type(traced_type), intent(in) :: traced
+        type(look_choice), intent(in) :: choice
+        type(value), allocatable, intent(out) :: angle(:), spin(:)
+        integer :: i
+
+        allocate (angle(0), spin(0))
+        do i = 1, size(choice%angle, 2)
+            angle = [angle, one_variable(traced%mechanism, choice%angle(1, i), choice%angle(2, i))]
+            spin = [spin, variable_rate(traced%mechanism, choice%angle(1, i), choice%angle(2, i))]
+        end do
+    end subroutine measure_angles
 
     !> Rates of joint variables if one coordinate moves alone.
     function compared_rates(traced, choice) result(compared)
