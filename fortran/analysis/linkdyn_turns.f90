@@ -21,6 +21,8 @@ module linkdyn_turns
     real(wp), parameter :: largest_step = pi/2
     !> Steps that are shorter turn nothing by much, wherever they lead: those between samples at rest are all rounding.
     real(wp), parameter :: least_step = sqrt(epsilon(1.0_wp))
+    !> Cosine of a ball's middle angle below which only the sum or the difference of the others is told.
+    real(wp), parameter :: at_pole = 1.0e-6_wp
 
     !> The last sample that had joint variables.
     type :: turn_count
@@ -41,6 +43,7 @@ module linkdyn_turns
         integer, allocatable :: variable(:)            !! of all joint variables
         integer, allocatable :: coordinate(:)          !! that it is; 0: none
         logical, allocatable :: is_idle(:)             !! of a ball that an idle spin turns: it says nothing, and may pass its pole
+        integer, allocatable :: middle(:)              !! the ball's middle angle, among all joint variables; 0: it is no ball's
         real(wp), allocatable :: weight(:)             !! of the coordinates in steps: lengths over the scene's size (n_q) [1, 1/m]
     end type turning_angles
 
@@ -51,7 +54,8 @@ contains
         type(turning_angles), intent(out) :: angles
         integer :: j, k, v, c
 
-        allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0), angles%is_idle(0))
+        allocate (angles%joint(0), angles%of_joint(0), angles%variable(0), angles%coordinate(0), angles%is_idle(0), &
+                  angles%middle(0))
         do j = 1, model%n_joint
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 c = coordinate_of(model, j, v)
@@ -61,6 +65,8 @@ contains
                 angles%variable = [angles%variable, model%joint(j)%first_variable + v]
                 angles%coordinate = [angles%coordinate, c]
                 angles%is_idle = [angles%is_idle, is_idle(model, j)]
+                angles%middle = [angles%middle, merge(model%joint(j)%first_variable + 2, 0, &
+                                                      model%joint(j)%told_kind == joint_spherical)]
             end do
         end do
         allocate (angles%weight(model%n_q), source=1.0_wp)
@@ -119,7 +125,7 @@ contains
     !>
     !> Believed where the step is a quarter turn at most, where rates differ by no more than a quarter turn, and where the angles
     !> as they are measured agree to an eighth of a turn. A turn that all this overlooks would have to come and go within the step.
-    !> Angles that say nothing are not asked.
+    !> Angles that say nothing are not asked, nor are those of a ball at its pole, where rounding decides between two of them.
     pure subroutine turn_at_mean_rates(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
         type(turning_angles), intent(in) :: angles
         real(wp), intent(in), contiguous :: q(:), q_there(:)     !! at the step's beginning and end (n_q)
@@ -141,10 +147,23 @@ contains
                 at_end(2) = rate_there(v)*duration(2)
                 turned(v) = at_end(1) + at_end(2)
                 if (angles%is_idle(i)) cycle
+                if (is_at_pole(angles%middle(i))) then
+                    turned(v) = least_angle(value_there(v) - value(v))
+                    cycle
+                end if
                 if (all(duration /= 0)) is_sure = is_sure .and. abs(at_end(2) - at_end(1)) <= pi/4
                 is_sure = is_sure .and. abs(least_angle(value_there(v) - value(v) - turned(v))) <= pi/4
             end associate
         end do
+
+    contains
+
+        pure logical function is_at_pole(middle)
+            integer, intent(in) :: middle
+
+            is_at_pole = .false.
+            if (middle > 0) is_at_pole = min(abs(cos(value(middle))), abs(cos(value_there(middle)))) < at_pole
+        end function is_at_pole
     end subroutine turn_at_mean_rates
 
     !> How long each end's motion goes on to make a step: both together, or one alone where the motion turns back in between. Not

@@ -42,7 +42,7 @@ contains
             call read_joint(place, scene, shelf, scene%joint(i), is_slot, status)
             if (.not. status%is_ok()) return
             if (.not. is_slot) cycle
-            call split_slot(first_block + n_slot, scene%joint(i), scene%joint(first_pin + n_slot))
+            call split_slot(first_block + n_slot, scene%planar, scene%joint(i), scene%joint(first_pin + n_slot))
             n_slot = n_slot + 1
         end do
     end subroutine read_joints
@@ -71,8 +71,6 @@ contains
         if (is_slot) then
             joint%kind = joint_prismatic
             call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch"], status)
-            if (.not. scene%planar) call refuse_value(place, "type", place%node%get("type"), "= ""slot"" exists in a plane only " &
-                //"(expected a block with a revolute and a prismatic joint)", status)
         else if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
             call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
                 " does not exist in a plane (expected one of "// &

@@ -522,7 +522,7 @@ class Builder:
         return self._joint("belt", locals())
 
     def slot(self, name: str, first: str, second: str, *, start: Quantity | None = None, branch: int | None = None, repeat: int | None = None) -> Joint:
-        """A pin in a straight slot, in a plane.
+        """A pin in a straight slot; in space it may turn any way.
 
         Parameters
         ----------

@@ -9,6 +9,7 @@ import linkdyn
 import numpy as np
 import pytest
 from test_joint_kinds import along, check_roads, keeps_energy, let_go
+from test_space_cams import TILT, in_tilted_axes
 
 pytestmark = pytest.mark.accuracy
 
@@ -119,6 +120,56 @@ def test_scotch_yoke_in_closed_form() -> None:
     push = -3.0 * CRANK * 25.0 * np.cos(angle)
     np.testing.assert_allclose(run.reaction.sel(joint="S").values[:, 0], -push, atol=1e-11)
     np.testing.assert_allclose(run.driving_force.values[:, 0], -push * CRANK * np.sin(angle), atol=1e-11)
+
+
+def gimbal() -> dict[str, Any]:
+    """A crank's pin in the slot of a lever that swings on a universal joint, as a gear lever does."""
+    return {
+        "space": "spatial", "gravity": [0, 0, -9.81], "time": {"end": 2, "samples": 201},
+        "frame": {"markers": {"crank": [0, 0, 0], "U": {"at": [0.05, -0.02, -0.3], "axis": [1, 0, 0]}}},
+        "link": [{"name": "crank", "markers": {"O": [0, 0, 0], "pin": [CRANK, 0, 0.01]}, "mass": 2.0, "cog": [0.03, 0.01, 0], "inertia": [0.01, 0.01, 0.01, 0, 0, 0]},
+                 {"name": "lever", "markers": {"U": {"at": [0, 0, 0], "axis": [0, 1, 0]}, "slot": [0, 0, 0.1]}, "start": {"position": [0.05, -0.02, -0.3]},
+                  "mass": 1.5, "cog": [0.01, -0.02, 0.25], "inertia": [0.02, 0.021, 0.003, 0.001, 0, 0]}],
+        "joint": [{"name": "crank", "type": "revolute", "between": ["frame.crank", "crank.O"]},
+                  {"name": "lever", "type": "universal", "between": ["frame.U", "lever.U"]},
+                  {"name": "S", "type": "slot", "between": ["lever.slot", "crank.pin"], "start": 0.2}],
+        "coordinate": [along("crank", SWAY)], "actuator": [{"joint": "crank"}],
+    }
+
+
+def test_in_space() -> None:
+    """The block's pin is a ball there: the lever points at it, and is pushed square to the slot."""
+    scene = gimbal()
+    run = check_roads(scene).inverse(want="all")
+    q = run.q.values[:, 0]
+    pin = np.stack([CRANK * np.cos(q), CRANK * np.sin(q), 0 * q + 0.01], axis=1)
+    reach = pin - [0.05, -0.02, -0.3]
+    length = np.linalg.norm(reach, axis=1)
+    np.testing.assert_allclose(run.joint_variable.sel(variable="S.slide"), length - 0.1, rtol=1e-13)
+    push = run.reaction.sel(joint="S").values
+    np.testing.assert_allclose((push[:, :3] * reach).sum(axis=1), 0, atol=1e-11)
+    np.testing.assert_allclose(push[:, 3:], 0, atol=1e-11)
+    # What turns the crank: its own weight is about its axis nowhere, and the lever's push.
+    torque = -(pin[:, 0] * push[:, 1] - pin[:, 1] * push[:, 0]) + (0.01 + 2 * (0.03**2 + 0.01**2)) * linkdyn.Scene(scene).motion()[2][:, 0]
+    np.testing.assert_allclose(run.driving_force.values[:, 0], torque, atol=1e-10)
+    written = by_hand(scene)
+    written["joint"][-1]["type"] = "spherical"
+    written["joint"][-1]["between"][0] = "S.block.ball"
+    written["link"][-1]["markers"] = {"pin": {"at": [0, 0, 0], "axis": [1, 0, 0], "x": [0, 1, 0]}, "ball": {"at": [0, 0, 0], "axis": [0, 1, 0], "x": [1, 0, 0]}}
+    other = linkdyn.Scene(written).inverse(want="all")
+    for name in run.data_vars:
+        np.testing.assert_array_equal(run[name].values, other[name].values)
+    keeps_energy(let_go(scene))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_plane_in_tilted_axes(name: str) -> None:
+    """In space the slot holds across the plane once more than needed: shared out, it carries nothing there."""
+    flat, tilted = (linkdyn.Scene(scene).inverse(want="all") for scene in (SCENES[name], in_tilted_axes(SCENES[name])))
+    np.testing.assert_allclose(tilted.driving_force, flat.driving_force, atol=1e-12 * float(np.abs(flat.driving_force).max()) + 1e-13)
+    np.testing.assert_allclose(tilted.joint_variable.values[:, :3], flat.joint_variable.values[:, :3], atol=1e-14)
+    force = flat.reaction.sel(joint="S").values[:, :2] @ TILT[:, :2].T
+    np.testing.assert_allclose(tilted.reaction.sel(joint="S").values[:, :3], force, atol=1e-12 * np.abs(force).max())
 
 
 def test_led_by_the_slide() -> None:
