@@ -99,16 +99,16 @@ WAYS = {
         "bounds, pointers and memory looked at while running, what was never set is NaN; 4 lanes, SSE2 alone, without GSL",
         (*OPTIMIZED_LITTLE, "-Dfortran_args=['-fcheck=all,no-array-temps', '-finit-real=snan', '-finit-derived']",
          "-Dlanes=4", "-Dmarch=x86-64", "-Dgsl=disabled"),
-        # pages, pictures and types are the same in every build; bounds on rounding errors are for lanes32, whose instructions round otherwise;
+        # bounds on rounding errors are for lanes32, whose instructions round otherwise;
         # what a test has many cases of goes the same ways through the code in most
-        ("tests/python", "tests/cli", "tests/faults", "tests/fuzz", "-m", "(lanes or not accuracy) and not long", "--cases", "3"),
+        ("tests/python", "tests/cli", "tests/faults", "tests/fuzz", "-m", "(lanes or not accuracy) and not (long or python_alone)", "--cases", "3"),
         lambda: {"LINKDYN_SLOWNESS": "5", "LINKDYN_FUZZ_PATIENCE": "20", "LINKDYN_FUZZ_CASES": "200"},
     ),
     "sanitized": Way(
         "addresses, undefined behaviour of C and C++ and, without Python, leaks looked at while running",
         # of Fortran's own rules `checked` looks at more
         (*OPTIMIZED_LITTLE, "-Db_sanitize=address,undefined", "-Db_lundef=false", "-Dfortran_args=-fno-sanitize=undefined"),
-        ("tests/cli", "tests/fuzz", "--cases", "60"),
+        ("tests/cli", "tests/fuzz", "-m", "not python_alone", "--cases", "60"),
         sanitized,
         lacks_sanitizers,
     ),

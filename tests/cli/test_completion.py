@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from linkdyn.cli import executable
 
+pytestmark = pytest.mark.python_alone
+
 SHARE = Path(sys.prefix) / "share"
 COMMANDS = ("inverse", "forward", "sweep", "study", "generate", "view", "new", "convert", "explain")
 

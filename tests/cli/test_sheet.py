@@ -11,6 +11,8 @@ import tomli_w
 
 from linkdyn.cli import executable
 
+pytestmark = pytest.mark.python_alone
+
 COMMAND = [sys.executable, "-c", "from linkdyn.cli import main; main()", "sweep"]
 
 

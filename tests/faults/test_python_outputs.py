@@ -29,6 +29,8 @@ from linkdyn._new import new_command
 from linkdyn._output import write_output
 from linkdyn._view_command import view_command
 
+pytestmark = pytest.mark.python_alone
+
 ROOT = Path(__file__).resolve().parents[2]
 FOURBAR = (ROOT / "examples" / "fourbar" / "scene.toml").read_text()
 LOAD = '[[load]]\non = "coupler.J5"\ntable = "load.csv"\n'

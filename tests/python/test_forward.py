@@ -1,13 +1,14 @@
 """Forward runs from Python: energy where nothing is lost, and what is refused."""
 
+import contextlib
 import math
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 from typing import Any
-import tomllib
 
 import numpy as np
 import pytest
@@ -213,11 +214,13 @@ LONG_RUN = """
 import linkdyn, sys
 scene = linkdyn.load({scene!r})
 print("begin", flush=True)
-try:
-    scene.forward(1e5, method="rk4", step=1e-4)
-except linkdyn.Interrupted as interrupted:
-    run = interrupted.result
-    print(len(run.time), float(run.time[-1]), run.attrs["stopped"])
+run = None
+while run is None:  # a signal may come before the first sample does
+    try:
+        scene.forward(1e5, method="rk4", step=1e-4)
+    except linkdyn.Interrupted as interrupted:
+        run = interrupted.result
+print(len(run.time), float(run.time[-1]), run.attrs["stopped"])
 """
 
 
@@ -225,9 +228,12 @@ def test_interrupt_keeps_what_is_done():
     text = LONG_RUN.format(scene=str(EXAMPLES / "stewart_tsai" / "scene.toml"))
     process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "begin\n"
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=600)     # the run itself would take days
+    out = None
+    while out is None:  # the run itself would take days
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            out, err = process.communicate(timeout=5)
     assert process.returncode == 0, err
     n, last, *stopped = out.split()
     assert int(n) == 1 and float(last) == 0.0  # the next output comes after hours

@@ -9,7 +9,7 @@ import pytest
 import linkdyn
 from linkdyn import plot
 
-pytestmark = pytest.mark.usefixtures("closed_figures")
+pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

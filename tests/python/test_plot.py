@@ -11,7 +11,7 @@ from PIL import Image
 import linkdyn
 from linkdyn import plot
 
-pytestmark = pytest.mark.usefixtures("closed_figures")
+pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 
 def test_driving_forces(run):

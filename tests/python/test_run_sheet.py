@@ -17,7 +17,7 @@ from linkdyn._new import kinds
 from linkdyn._sheet import sheet_page
 from sheet_file import column, number, read
 
-pytestmark = pytest.mark.usefixtures("closed_figures")
+pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 
 @pytest.fixture(scope="module")

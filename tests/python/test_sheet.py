@@ -14,7 +14,7 @@ import linkdyn
 from linkdyn._sheet import sheet_page, significant
 from sheet_file import column, number, read
 
-pytestmark = pytest.mark.usefixtures("closed_figures")
+pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

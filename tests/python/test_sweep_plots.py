@@ -11,7 +11,7 @@ import linkdyn
 from linkdyn import _sweep_plots, plot
 from linkdyn.cli import executable
 
-pytestmark = pytest.mark.usefixtures("closed_figures")
+pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 KEEP = ("driving_force", "driving_speed", "condition")
 

@@ -13,6 +13,8 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 from write_engine_stub import STUB, stub  # noqa: E402
 
+pytestmark = pytest.mark.python_alone
+
 
 @pytest.mark.thorough
 def test_strict():
