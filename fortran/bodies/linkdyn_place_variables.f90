@@ -1,4 +1,4 @@
-!> Places that measures tell, and their rates: joint variables, coordinates of markers, distances, attitudes.
+!> Places that measures tell, and their rates: joint variables, coordinates of markers, distances, tilts, attitudes.
 module linkdyn_place_variables
     use linkdyn_attitude, only: angles_of_rotation, rates_of_angles
     use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity
@@ -6,13 +6,15 @@ module linkdyn_place_variables
     use linkdyn_joint_kind, only: axis_of
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, marker_at
-    use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
+        marker_at, marker_axis_at
+    use linkdyn_kinds, only: wp
+    use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, reciprocal
     use linkdyn_vector, only: vector, rotation, vector_of, operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.unrotate.)
+        operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: place_value, place_rate, place_point, place_gap, relative_attitude
+    public :: place_value, place_rate, place_point, place_gap, relative_attitude, tilt_direction
 
 contains
 
@@ -22,7 +24,7 @@ contains
         type(measure_spec), intent(in) :: spec         !! one of a place
         type(value) :: number
         type(value) :: angle(3)
-        type(vector) :: gap
+        type(vector) :: gap, axis(2), normal
 
         select case (spec%kind)
         case (measure_joint)
@@ -32,6 +34,10 @@ contains
         case (measure_distance)
             gap = place_gap(mechanism, spec)
             number = sqrt(gap.dot.gap)
+        case (measure_tilt)
+            axis = axes_of(mechanism, spec)
+            normal = axis(1) .cross.axis(2)
+            number = atan2(sqrt(normal.dot.normal), axis(1) .dot.axis(2))
         case default
             angle = angles_of_rotation(relative_attitude(mechanism, spec))
             number = angle(spec%component)
@@ -52,6 +58,11 @@ contains
                 rate = variable_rate(mechanism, spec%joint, spec%variable)
                 return
             end if
+            omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+            if (spec%kind == measure_tilt) then
+                rate = tilt_direction(mechanism, spec) .dot.omega
+                return
+            end if
             gap = place_gap(mechanism, spec)
             velocity = point_velocity(bodies, link(2), place_point(mechanism, spec, 2)) &
                        - point_velocity(bodies, link(1), place_point(mechanism, spec, 1))
@@ -62,12 +73,38 @@ contains
             case (measure_distance)
                 rate = reciprocal(sqrt(gap.dot.gap))*(gap.dot.velocity)
             case default
-                omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
                 of_angles = rates_of_angles(relative_attitude(mechanism, spec), scene_rotation(mechanism, link(1)) .unrotate.omega)
                 rate = of_angles(spec%component)
             end select
         end associate
     end function place_rate
+
+    !> The axes of a tilt, world axes.
+    function axes_of(mechanism, spec) result(axis)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: axis(2)
+        integer :: side
+
+        do side = 1, 2
+            associate (link => spec%link(side))
+                axis(side) = scene_rotation(mechanism, link) &
+                             .rotate.vector_of(marker_axis_at(mechanism%model%scene, link, spec%marker(side)))
+            end associate
+        end do
+    end function axes_of
+
+    !> About which the second link of a tilt turns away from the first; none where the axes are parallel.
+    function tilt_direction(mechanism, spec) result(direction)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: direction
+        type(vector) :: axis(2)
+
+        axis = axes_of(mechanism, spec)
+        direction = axis(1) .cross.axis(2)
+        direction = reciprocal(max(sqrt(direction.dot.direction), constant(sqrt(tiny(1.0_wp)))))*direction
+    end function tilt_direction
 
     !> One of the two points of a measure, in its link's own axes: the origin of the link that sees, or a marker.
     function place_point(mechanism, spec, side) result(point)

@@ -13,7 +13,7 @@ module linkdyn_cam_contact
     public :: cam_contact, contact_of, angle_on_cam, marker_place, marker_axis
 
     type :: cam_contact
-        type(vec3) :: point                              !! on the line of the force: the roller's centre, or where a face is touched [m]
+        type(vec3) :: point                              !! on the line of the force: a roller's centre, where a face is touched [m]
         type(vec3) :: normal                             !! from the cam to what is outside of it
         real(wp) :: gap(lanes) = 0                       !! between follower and curve [m]
     end type cam_contact

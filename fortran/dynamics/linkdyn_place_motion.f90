@@ -1,5 +1,5 @@
-!> Places that measures tell, in motion: joint variables, coordinates of markers, distances, attitudes. Where they are, how fast they
-!> change, and how that changes with the coordinates.
+!> Places that measures tell, in motion: joint variables, coordinates of markers, distances, tilts, attitudes. Where they are, how
+!> fast they change, and how that changes with the coordinates.
 !>
 !> Velocities and columns of accelerations obey the same linear maps; what is given has centripetal and Coriolis parts besides (levels
 !> as in `linkdyn_planar_motion`). Needs positions and velocities, angular rates in world axes.
@@ -15,9 +15,9 @@ module linkdyn_place_motion
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, marker_axis_at
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.unrotate.), zero_vec3
+        operator(.rotate.), operator(.unrotate.), zero_vec3
     implicit none (type, external)
     private
     public :: place_value, place_rate
@@ -31,7 +31,7 @@ contains
         type(measure_spec), intent(in) :: spec         !! one of a place
         real(wp) :: value(lanes)
         real(wp), dimension(lanes, 3) :: angle, rate
-        type(vec3) :: gap
+        type(vec3) :: gap, axis(2), normal
 
         select case (spec%kind)
         case (measure_joint)
@@ -42,6 +42,10 @@ contains
         case (measure_distance)
             gap = gap_of(model, state, spec)
             value = sqrt(gap.dot.gap)
+        case (measure_tilt)
+            axis = axes_of(model, state, spec)
+            normal = axis(1) .cross.axis(2)
+            value = atan2(sqrt(normal.dot.normal), axis(1) .dot.axis(2))
         case default
             call measure_attitude(model, state, spec, angle, rate)
             value = angle(:, spec%component)
@@ -65,6 +69,8 @@ contains
             rate = seen_motion(model, state, spec, level).dot.marker_axis(link_axes(model, state, spec%link(1)), spec%component)
         case (measure_distance)
             rate = distance_rate(model, state, spec, level)
+        case (measure_tilt)
+            rate = tilt_rate(model, state, spec, level)
         case default
             of_angles = attitude_rate(model, state, spec, level)
             rate = of_angles(:, spec%component)
@@ -147,6 +153,55 @@ contains
             motion = of_point(2) - of_point(1)
         end function apart
     end function distance_rate
+
+    !> The axes of a tilt, world axes.
+    function axes_of(model, state, spec) result(axis)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        type(vec3) :: axis(2)
+        integer :: side
+
+        do side = 1, 2
+            associate (link => spec%link(side))
+                axis(side) = link_axes(model, state, link) .rotate.marker_axis_at(model%scene, link, spec%marker(side))
+            end associate
+        end do
+    end function axes_of
+
+    !> Rate of a tilt. Where the axes are parallel it is zero: no direction is better than another.
+    function tilt_rate(model, state, spec, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: level
+        real(wp) :: rate(lanes)
+        real(wp), dimension(lanes) :: sine, steepness
+        type(vec3) :: axis(2), normal, turning(2), change
+
+        axis = axes_of(model, state, spec)
+        normal = axis(1) .cross.axis(2)
+        sine = sqrt(normal.dot.normal)
+        steepness = merge(1/max(sine, tiny(1.0_wp)), 0.0_wp, sine > 0)
+        normal = steepness*normal
+        rate = normal.dot.apart(level)
+        if (level /= level_given) return
+        ! the direction about which the one tilts from the other is carried round by both
+        turning = [link_turning(model, state, spec%link(1), level_velocity), &
+                   link_turning(model, state, spec%link(2), level_velocity)]
+        change = steepness*(((turning(1) .cross.axis(1)) .cross.axis(2)) + (axis(1) .cross.(turning(2) .cross.axis(2))))
+        change = change - (normal.dot.change)*normal
+        rate = rate + (change.dot.apart(level_velocity))
+
+    contains
+
+        function apart(at_level) result(difference)
+            integer, intent(in) :: at_level
+            type(vec3) :: difference
+
+            difference = link_turning(model, state, spec%link(2), at_level) - link_turning(model, state, spec%link(1), at_level)
+        end function apart
+    end function tilt_rate
 
     !> Roll, pitch and yaw of the second link as the first one sees it, in (-pi, pi], and their rates.
     subroutine measure_attitude(model, state, spec, angle, rate)

@@ -113,8 +113,8 @@ contains
         end associate
     end function friction_wrench
 
-    !> What holds a joint that sticks, by its force at the joint variable. A thread holds along its surface, as it would rub: what presses its
-    !> flanks is then the reaction.
+    !> What holds a joint that sticks, by its force at the joint variable. A thread holds along its surface, as it would rub: what
+    !> presses its flanks is then the reaction.
     function holding_wrench(mechanism, joint, force) result(acting)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: joint

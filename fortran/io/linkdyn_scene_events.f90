@@ -3,13 +3,14 @@
 !> A side of an end stop is an event whose formula is its gap. A soft stop is a spring besides, without stiffness or damping of
 !> its own, whose law over the state is the one-sided force: whatever works for laws works for it.
 module linkdyn_scene_events
+    use linkdyn_constants, only: pi
     use linkdyn_expression, only: measured_value
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
         node_multiply, node_negate, node_max, node_if
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, is_pose_part, pose_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, state_law, measure_spec, law_over, name_len, &
-        is_place, measure_joint, measure_distance
+        is_place, measure_joint, measure_distance, measure_tilt
     use linkdyn_scene_forces, only: read_stiffness
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
         get_text
@@ -154,6 +155,11 @@ contains
         else if (any(scene%stop%name == trim(name)//".min" .or. scene%stop%name == trim(name)//".max")) then
             call refuse(place, "there is a stop of that name (expected another name)", status)
         end if
+        if (status%is_ok() .and. measure%kind == measure_tilt .and. any(has .and. .not. (bound > 0 .and. bound < pi))) then
+            k = findloc(has .and. .not. (bound > 0 .and. bound < pi), .true., dim=1)
+            call refuse_value(place, side_key(k), place%node%get(side_key(k)), "= "//to_text(bound(k))//" rad: where axes are "// &
+                "parallel a tilt has no direction (expected an angle between 0 and 180 deg)", status)
+        end if
         if (measure%kind == measure_distance .and. any(has .and. bound <= 0)) then
             k = findloc(has .and. bound <= 0, .true., dim=1)
             call refuse_value(place, side_key(k), place%node%get(side_key(k)), "= "//to_text(bound(k))// &
@@ -245,7 +251,7 @@ contains
                 "[measures])"//suggestion(name, (shelf%book%measure%name)), status)
         else if (.not. is_place(shelf%book%measure(k))) then
             call refuse_value(place, "measure", node, "= "//quoted(name)//" is no place (expected a joint variable, a marker's "// &
-                "coordinate, a distance or an angle of [measures], not a rate)", status)
+                "coordinate, a distance, a tilt or an angle of [measures], not a rate)", status)
         else
             measure = shelf%book%measure(k)
         end if

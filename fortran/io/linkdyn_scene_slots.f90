@@ -1,8 +1,8 @@
 !> Joints of type "slot": the pin of one link slides in a straight slot of another, and turns there.
 !>
 !> A slot is read as what a designer would write without it: a massless block, a slide that has the joint's name, from the slot to
-!> the block, and a hinge NAME.pin, in space a ball, from the block to the pin. So a pin in a slot closes as a dyad does, has a slide for a variable,
-!> and may be driven, rub and stop there as any slide.
+!> the block, and a hinge NAME.pin, in space a ball, from the block to the pin. So a pin in a slot closes as a dyad does, has a
+!> slide for a variable, and may be driven, rub and stop there as any slide.
 module linkdyn_scene_slots
     use linkdyn_joint_table, only: n_joint_kind
     use linkdyn_scene, only: scene_type, joint_spec, marker_spec, joint_kind_name, joint_prismatic, joint_revolute, &

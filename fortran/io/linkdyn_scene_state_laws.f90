@@ -9,8 +9,8 @@ module linkdyn_scene_state_laws
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, &
-        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, law_over, &
-        law_table
+        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
+        measure_tilt, law_over, law_table
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of
@@ -64,8 +64,8 @@ contains
         end do
     end subroutine read_measures
 
-    !> One measure: { joint = .. }, { coordinate = .. }, { marker = .., component = .. } or { between = [.., ..] }, each with rate = true
-    !> for how fast it changes.
+    !> One measure: { joint = .. }, { coordinate = .. }, { marker = .., component = .. }, { between = [.., ..] } or
+    !> { axes = [.., ..] }, each with rate = true for how fast it changes.
     subroutine read_measure(root, node, line, scene, measure, shelf, status)
         type(scene_place), intent(in) :: root
         type(toml_node), intent(in) :: node
@@ -75,27 +75,29 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        type(toml_node) :: joint, coordinate, marker, between, unwanted
+        type(toml_node) :: joint, coordinate, marker, between, axes, unwanted
         type(quantity_type) :: quantity
         logical :: found
 
         place = place_at(root, node, "measure "//quoted(measure%name))
         place%line = line
-        call require_table(place, "a table, { joint = .. }, { coordinate = .. }, { marker = .., component = .. } or "// &
-            "{ between = [.., ..] }", status)
+        call require_table(place, "a table, { joint = .. }, { coordinate = .. }, { marker = .., component = .. }, "// &
+            "{ between = [.., ..] } or { axes = [.., ..] }", status)
         if (.not. status%is_ok()) return
         unwanted = node%get("acceleration")
         if (unwanted%is_present()) call refuse(place, "forces that depend on accelerations would depend on themselves "// &
             "(expected a place or its rate)", status)
         call allow_keys(place, [character(len=11) :: "joint", "variable", "coordinate", "marker", "component", "relative_to", &
-            "between", "rate", "near"], status)
+            "between", "axes", "rate", "near"], status)
         if (.not. status%is_ok()) return
         joint = node%get("joint")
         coordinate = node%get("coordinate")
         marker = node%get("marker")
         between = node%get("between")
-        if (count([joint%is_present(), coordinate%is_present(), marker%is_present(), between%is_present()]) /= 1) then
-            call refuse(place, "needs one of 'joint', 'coordinate', 'marker' and 'between' (expected exactly one)", status)
+        axes = node%get("axes")
+        if (count([joint%is_present(), coordinate%is_present(), marker%is_present(), between%is_present(), axes%is_present()]) &
+            /= 1) then
+            call refuse(place, "needs one of 'joint', 'coordinate', 'marker', 'between' and 'axes' (expected exactly one)", status)
             return
         end if
         call get_flag(place, "rate", measure%is_rate, status)
@@ -104,7 +106,12 @@ contains
             call read_marker(place, marker, scene, measure, status)
         else if (between%is_present()) then
             call allow_keys(place, [character(len=7) :: "between", "rate"], status)
-            call read_distance(place, between, scene, measure, status)
+            measure%kind = measure_distance
+            call read_pair(place, "between", between, scene, measure, status)
+        else if (axes%is_present()) then
+            call allow_keys(place, [character(len=4) :: "axes", "rate"], status)
+            measure%kind = measure_tilt
+            call read_pair(place, "axes", axes, scene, measure, status)
         else if (joint%is_present()) then
             call allow_keys(place, [character(len=8) :: "joint", "variable", "rate", "near"], status)
             call find_joint(scene, place, measure%joint, status)
@@ -166,7 +173,7 @@ contains
         type(quantity_type) :: quantity
 
         quantity = length
-        if (measure%kind == measure_attitude) quantity = angle
+        if (any(measure%kind == [measure_attitude, measure_tilt])) quantity = angle
         if (measure%kind == measure_joint) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
     end function measure_quantity
 
@@ -220,26 +227,26 @@ contains
             place%node%get("component"), "= 'z', which a plane has not (expected x or y)", status)
     end subroutine read_marker
 
-    !> Key `between`: how far two markers are from each other.
-    subroutine read_distance(place, node, scene, measure, status)
+    !> The two markers that a measure is between.
+    subroutine read_pair(place, key, node, scene, measure, status)
         type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key            !! "between": how far they are from each other; "axes": how theirs stand
         type(toml_node), intent(in) :: node
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(inout) :: measure
         type(status_type), intent(inout) :: status
         integer :: side
 
-        measure%kind = measure_distance
         if (node%kind() /= toml_array .or. node%count() /= 2) then
-            call refuse_value(place, "between", node, "is no pair (expected two markers)", status)
+            call refuse_value(place, key, node, "is no pair (expected two markers)", status)
             return
         end if
         do side = 1, 2
-            call find_marker(scene, place, "between", node%at(side), measure%link(side), measure%marker(side), status)
+            call find_marker(scene, place, key, node%at(side), measure%link(side), measure%marker(side), status)
         end do
-        if (status%is_ok() .and. measure%link(1) == measure%link(2)) call refuse_value(place, "between", node, &
+        if (status%is_ok() .and. measure%link(1) == measure%link(2)) call refuse_value(place, key, node, &
             "names markers of one link (expected markers of two)", status)
-    end subroutine read_distance
+    end subroutine read_pair
 
     !> Key `coordinate`: measured as the joint variable, the place or the angle of a link that it is.
     subroutine read_coordinate_measure(place, scene, measure, status)

@@ -1,5 +1,5 @@
-!> The cam that goes round a drum: the point or roller's centre of the second link at a height over the angle about the first marker's
-!> axis. A groove in a cylinder, or the face end of one.
+!> The cam that goes round a drum: the point or roller's centre of the second link at a height over the angle about the first
+!> marker's axis. A groove in a cylinder, or the face end of one.
 !>
 !> To second order such a cam is the parabola over the angle that fits it best where the follower is. So direction, height and two
 !> derivatives there count as fixed in the cam (`linkdyn_cam`), and the sine of the angle from there stands for the angle.

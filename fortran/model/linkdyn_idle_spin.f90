@@ -1,8 +1,9 @@
 !> Idle spins: links that may turn about the line through their joints while nothing else of the mechanism moves.
 !>
 !> A rod between two ball joints, both halves of a leg between balls, a piston rod in a cylindrical joint whose ball lies on its
-!> axis, a shoe with a ball that slides on a plane. If the links that spin together are bodies of revolution about that line, and nothing acts on them off it, no moment is
-!> ever about it: what does not spin at the start never does, and neither forces nor the motion of anything else depend on it.
+!> axis, a shoe with a ball that slides on a plane. If the links that spin together are bodies of revolution about that line, and
+!> nothing acts on them off it, no moment is ever about it: what does not spin at the start never does, and neither forces nor the
+!> motion of anything else depend on it.
 !>
 !> *How it is settled.* One ball of each spin also keeps a direction across the line, in the spinning link, square to a
 !> direction of the link beyond: it closes as a universal joint does. The spin that follows from this is not that of a free rod,
@@ -16,7 +17,7 @@ module linkdyn_idle_spin
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, &
-        measure_joint, measure_marker, measure_distance, measure_attitude
+        measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -71,7 +72,8 @@ contains
         end do
     end subroutine find_idle_spins
 
-    !> The line on which all joints of a link lie: balls with their centres, others with their axes. Of a planar joint it is square to the plane.
+    !> The line on which all joints of a link lie: balls with their centres, others with their axes. Of a planar joint it is square
+    !> to the plane.
     pure function line_of(model, link) result(line)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link
@@ -182,6 +184,7 @@ contains
             associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
                 if (measure%kind == measure_joint) is_idle = is_idle .and. .not. leads(measure%joint, measure%variable)
                 if (measure%kind == measure_attitude) is_idle = is_idle .and. .not. feels(measure%link)
+                if (measure%kind == measure_tilt) is_idle = is_idle .and. .not. (feels(measure%link) .and. leans(measure))
             end associate
         end do
 
@@ -193,6 +196,20 @@ contains
 
             feels = any(spin%link == link(1)) .neqv. any(spin%link == link(2))
         end function feels
+
+        !> Does an axis of a tilt turn with its link's spin?
+        pure logical function leans(measure)
+            type(measure_spec), intent(in) :: measure
+            integer :: side
+
+            leans = .false.
+            do side = 1, 2
+                associate (link => measure%link(side))
+                    if (any(spin%link == link)) leans = leans &
+                        .or. norm2(cross(line(link)%axis, marker_axis_at(model%scene, link, measure%marker(side)))) > exact
+                end associate
+            end do
+        end function leans
 
         !> Is a joint variable an angle of one of the links?
         pure logical function leads(joint, variable)

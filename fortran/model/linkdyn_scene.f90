@@ -26,9 +26,10 @@ module linkdyn_scene
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table, law_over
-    public :: measure_spec, state_law, law_book, takes_time
+    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
+        measure_tilt, &
         is_place
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
@@ -75,6 +76,7 @@ module linkdyn_scene
     integer, parameter :: measure_touch = 5        !! of a side of a soft stop: 1 in contact, -1 apart, 0 where no run knows it
     integer, parameter :: measure_distance = 6     !! of two markers
     integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
+    integer, parameter :: measure_tilt = 8         !! angle between the axes of two markers, 0 to pi
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
@@ -190,7 +192,7 @@ module linkdyn_scene
         integer :: variable = 1                   !! of the joint
         real(wp) :: near = 0                      !! an angle that is no coordinate is taken within half a turn of this [rad]
         logical :: wraps = .false.                !! it is an angle that counts no turns
-        integer :: link(2) = 0                    !! of a distance: of both markers; else the one that sees, and the one that is seen
+        integer :: link(2) = 0                    !! of a distance or tilt: of both markers; else the one that sees, then the other
         integer :: marker(2) = 0                  !! of these links; 0: the origin
         integer :: component = 0                  !! 1 2 3: x y z, or roll pitch yaw
         integer :: spring = 0
@@ -612,7 +614,7 @@ contains
     pure elemental logical function is_place(measure)
         type(measure_spec), intent(in) :: measure
 
-        is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude]) .and. &
+        is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt]) .and. &
                    .not. measure%is_rate
     end function is_place
 
@@ -628,6 +630,19 @@ contains
             point = scene%link(link)%marker(marker)%at
         end if
     end function marker_at
+
+    !> Its axis, likewise: a unit vector.
+    pure function marker_axis_at(scene, link, marker) result(axis)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link, marker
+        real(wp) :: axis(3)
+
+        if (link == frame_link) then
+            axis = scene%frame%marker(marker)%axis
+        else
+            axis = scene%link(link)%marker(marker)%axis
+        end if
+    end function marker_axis_at
 
     !> Are there stops that throw back?
     pure logical function has_hard_stops(scene)

@@ -818,7 +818,7 @@ class Builder:
     def measure(
         self, name: str, *, joint: str | Joint | None = None, variable: str | None = None, coordinate: str | None = None, marker: str | None = None,
         component: Literal["x", "y", "z"] | None = None, relative_to: str | Link | None = None, between: Sequence[str] | None = None,
-        rate: bool | None = None, near: Quantity | None = None,
+        axes: Sequence[str] | None = None, rate: bool | None = None, near: Quantity | None = None,
     ) -> str:  # fmt: skip
         """A number that forces may depend on; its name, for formulas.
 
@@ -833,7 +833,9 @@ class Builder:
         marker, component, relative_to
             or the place of this marker [m], as that link sees it,
         between
-            or the distance of these two markers [m].
+            or the distance of these two markers [m],
+        axes
+            or the angle between the axes of these two [rad].
         rate
             True: how fast that changes.
         near

@@ -16,7 +16,7 @@ contains
         tests = [new_test("a ball at its pole is not asked", test_pole)]
     end subroutine collect_turns
 
-    !> There rounding decides what roll and yaw are, and how fast they turn: to look closer tells no more, however closely one looks.
+    !> There rounding decides what roll and yaw are, and how fast they turn: to look closer tells no more.
     subroutine test_pole(error)
         type(test_error), intent(inout) :: error
         real(wp) :: turned(3), away(3)

@@ -1,0 +1,207 @@
+"""Tilts: the angle between two axes as a measure, and stops that bound it, such as the cone of a ball joint."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+import xarray as xr
+
+pytestmark = pytest.mark.accuracy
+
+MASS, REACH, ROUND, LONG, CONE = 2.0, 0.4, 0.35, 0.02, 0.5
+
+
+def hung(start: dict[str, Any], **parts: Any) -> dict[str, Any]:
+    """A top that hangs on a ball joint in a socket with a mouth, its axis down."""
+    return {
+        "space": "spatial", "gravity": [0, 0, -9.81], "frame": {"markers": {"B": [0, 0, 0], "mouth": {"at": [0, 0, 0], "axis": [0, 0, -1]}}},
+        "link": [{"name": "top", "markers": {"B": [0, 0, 0], "stem": {"at": [0, 0, -0.1], "axis": [0, 0, -1]}}, "mass": MASS, "cog": [0, 0, -REACH],
+                  "inertia": [ROUND, ROUND, LONG, 0, 0, 0]}],
+        "joint": [{"name": "B", "type": "spherical", "between": ["frame.B", "top.B"]}],
+        "coordinate": [{"joint": "B", "variable": name, "start": start.get(name, 0)} for name in ("roll", "pitch", "yaw")],
+        "measures": {"tilt": {"axes": ["frame.mouth", "top.stem"]}}, "time": {"end": 2},
+    } | parts  # fmt: skip
+
+
+def attitude(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3, 3) from the top to the world, (N, 3) angular velocities, both by the scene's convention alone."""
+    (a, b, c), (da, db, dc) = run.q.values.T, run.qd.values.T
+
+    def turn(axis: int, angle: np.ndarray) -> np.ndarray:
+        r = np.zeros((len(angle), 3, 3))
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        r[:, axis, axis] = 1
+        r[:, i, i] = r[:, j, j] = np.cos(angle)
+        r[:, j, i], r[:, i, j] = np.sin(angle), -np.sin(angle)
+        return r
+
+    first, second = turn(0, a), turn(0, a) @ turn(1, b)
+    omega = da[:, None] * [1.0, 0.0, 0.0] + db[:, None] * first[:, :, 1] + dc[:, None] * second[:, :, 2]
+    return second @ turn(2, c), omega
+
+
+def momentum(run: xr.Dataset) -> np.ndarray:
+    """(N, 3) about the ball, world axes."""
+    r, omega = attitude(run)
+    inertia = np.diag([ROUND + MASS * REACH**2, ROUND + MASS * REACH**2, LONG])
+    return np.einsum("nij,jk,nlk,nl->ni", r, inertia, r, omega)
+
+
+def tilt_of(run: xr.Dataset) -> np.ndarray:
+    return np.arccos(np.clip(attitude(run)[0][:, 2, 2], -1, 1))
+
+
+@pytest.mark.parametrize("method", ["gbs", "seulex", "rk4"])
+def test_in_a_plane_it_is_an_angle(method: str) -> None:
+    """A top that swings about x alone strikes its cone as a hinge its stops."""
+    settings = {"step": 1e-3} if method == "rk4" else {"rtol": 1e-11, "atol": 1e-12}
+    t = np.linspace(0, 2, 41)
+    cone = linkdyn.Scene(hung({"roll": {"position": 0.3, "velocity": 2.0}}, stop=[{"name": "mouth", "measure": "tilt", "max": CONE, "restitution": 0.6}]))
+    run = cone.forward(t=t, method=method, **settings)
+    hinge = hung({}, joint=[{"name": "B", "type": "revolute", "between": ["frame.B", "top.B"]}], coordinate=[{"joint": "B", "start": {"position": 0.3, "velocity": 2.0}}],
+                 stop=[{"name": "mouth", "joint": "B", "min": -CONE, "max": CONE, "restitution": 0.6}], measures={})
+    for body in (hinge["frame"], hinge["link"][0]):
+        body["markers"]["B"] = {"at": [0, 0, 0], "axis": [1, 0, 0]}
+    other = linkdyn.Scene(hinge).forward(t=t, method=method, **settings)
+    np.testing.assert_allclose(run.q.values[:, 0], other.q.values[:, 0], atol=1e-8)
+    np.testing.assert_allclose(run.q.values[:, 1:], 0, atol=1e-13)
+    assert len(run.event_time) == len(other.event_time) == 3
+    np.testing.assert_allclose(run.event_time, other.event_time, atol=1e-8)
+    np.testing.assert_allclose(run.event_impulse, other.event_impulse, rtol=1e-6)
+    np.testing.assert_allclose(run.event_loss, other.event_loss, rtol=1e-6)
+
+
+def test_impacts_on_a_cone_in_space() -> None:
+    """An impact turns the top about what is square to both axes: momentum about the upright and about its own axis stay, energy falls by what is told."""
+    scene = linkdyn.Scene(hung({"roll": {"position": 0.3, "velocity": 1.0}, "pitch": {"position": 0.1, "velocity": -3.0}, "yaw": {"position": 0.0, "velocity": 4.0}},
+                               stop=[{"name": "mouth", "measure": "tilt", "max": CONE, "restitution": 0.7}]))  # fmt: skip
+    run = scene.forward(t=np.linspace(0, 2, 401), rtol=1e-11, atol=1e-12, method="gbs")
+    assert (run.status == 0).all() and len(run.event_time) > 5
+    r, omega = attitude(run)
+    tilt = tilt_of(run)
+    assert tilt.max() <= CONE + 1e-9
+    upright = momentum(run)[:, 2]
+    own = np.einsum("ni,ni->n", omega, r[:, :, 2])
+    np.testing.assert_allclose(upright, upright[0], atol=1e-9)
+    np.testing.assert_allclose(own, own[0], atol=1e-9)
+    energy = (run.kinetic_energy + run.potential_energy).values
+    lost = np.array([run.event_loss.values[run.event_time.values <= t].sum() for t in run.time.values])
+    np.testing.assert_allclose(energy[0] - energy, lost, atol=1e-8)
+    # With what is conserved the tilt is a motion of its own: theta'^2 = f(theta), reversed with the restitution.
+    across = ROUND + MASS * REACH**2
+
+    def speed(theta: float, total: float) -> float:
+        precession = (upright[0] - LONG * own[0] * np.cos(theta)) / (across * np.sin(theta) ** 2)
+        return float(np.sqrt(2 * (total + MASS * 9.81 * REACH * np.cos(theta)) / across - LONG * own[0] ** 2 / across - (precession * np.sin(theta)) ** 2))
+
+    before = energy[0]
+    for loss in run.event_loss.values[:4]:
+        fast = speed(CONE, before)
+        np.testing.assert_allclose(loss, 0.5 * across * fast**2 * (1 - 0.7**2), rtol=1e-7)
+        before -= loss
+
+
+def test_resting_on_a_cone_it_goes_round() -> None:
+    """Pressed against the rim it keeps its tilt and its pace: a circle at a constant rate, and a moment that is the textbook's."""
+    pace = 6.0                                              # fast enough to be pressed outwards
+    start = {"roll": {"position": CONE, "velocity": 0.0}, "pitch": {"position": 0.0, "velocity": pace * np.sin(CONE)}, "yaw": {"position": 0.0, "velocity": 0.0}}
+    scene = linkdyn.Scene(hung(start, stop=[{"name": "mouth", "measure": "tilt", "max": CONE, "restitution": 0}]))
+    t = np.linspace(0, 0.2, 21)
+    run = scene.forward(t=t, rtol=1e-11, atol=1e-12, method="gbs")
+    np.testing.assert_allclose(tilt_of(run), CONE, atol=1e-9)
+    r, omega = attitude(run)
+    np.testing.assert_allclose(momentum(run)[:, 2], momentum(run)[0, 2], rtol=1e-10)
+    way = np.unwrap(np.arctan2(r[:, 1, 2], r[:, 0, 2]))
+    np.testing.assert_allclose(np.diff(way), way[1] - way[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("pace", [0.0, 1.3])
+def test_measure_and_rate_by_differences(pace: float) -> None:
+    """As loads that are made of them; the rate by complex steps of the tilt along the motion."""
+    data = hung({}, load=[{"on": "top.B", "force": ["1 N/rad*tilt", "1 N*s/rad*fast", 0]}], coordinate=[{"link": "top", "motion": {}}])
+    data["measures"] |= {"fast": {"axes": ["frame.mouth", "top.stem"], "rate": True}}
+    data["joint"] = []
+    data["link"][0]["markers"]["stem"]["axis"] = [0.3, -0.2, -1.0]
+    data["coordinate"] = [{"link": "top"}]
+    data["time"] = {"end": 1}
+    scene = linkdyn.Scene(data)
+    rng = np.random.default_rng(3)
+    q, qd = rng.uniform(-1, 1, (40, 6)), pace * rng.uniform(-1, 1, (40, 6))
+    qd[:, :3] = 0
+    told = scene.load_values(q=q, qd=qd)
+    told = np.asarray(told[0] if isinstance(told, tuple) else told).reshape(40, -1)
+
+    def tilt(s: complex) -> np.ndarray:
+        a, b, c = (q[:, 3:] + s * qd[:, 3:]).T.astype(complex)
+        axis = np.array([0.3, -0.2, -1.0]) / np.sqrt(1.13)
+        x, y, z = np.cos(c) * axis[0] - np.sin(c) * axis[1], np.sin(c) * axis[0] + np.cos(c) * axis[1], axis[2]
+        x, z = np.cos(b) * x + np.sin(b) * z, -np.sin(b) * x + np.cos(b) * z
+        return np.arccos(-(np.sin(a) * y + np.cos(a) * z))
+
+    np.testing.assert_allclose(told[:, 0], tilt(0).real, atol=1e-14)
+    np.testing.assert_allclose(told[:, 1], tilt(1e-30j).imag / 1e-30, atol=1e-12)
+
+
+def test_a_soft_cone_pushes_back_by_its_stiffness() -> None:
+    """In inverse dynamics too: held at rest beyond the rim by a drive, whose torque is weight less push. Upright there is no push, and no fault."""
+    data = hung({}, joint=[{"name": "B", "type": "universal", "between": ["frame.B", "top.B"]}])
+    data["frame"]["markers"]["B"] = {"at": [0, 0, 0], "axis": [1, 0, 0], "x": [0, 0, 1]}
+    data["link"][0]["markers"]["B"] = {"at": [0, 0, 0], "axis": [0, 1, 0], "x": [0, 0, 1]}
+    data |= {"coordinate": [{"joint": "B", "variable": name} for name in ("angle1", "angle2")], "actuator": [{"joint": "B", "variable": name} for name in ("angle1", "angle2")],
+             "stop": [{"name": "mouth", "measure": "tilt", "max": 0.2, "stiffness": 50.0}]}  # fmt: skip
+    scene = linkdyn.Scene(data)
+    flat = scene.poses([[0.0, 0.0]]).rotation[0, 0]
+    angles = np.array([[0.0, 0.0], [0.3, 0.0], [0.0, -0.4], [0.3, 0.35]])
+    down = scene.poses(angles).rotation[:, 0, :, 2]
+    tilt = np.arccos(np.clip(down[:, 2], -1, 1))
+    bare = linkdyn.Scene(data | {"stop": []})
+    run, without = scene.inverse(q=angles, qd=0 * angles, qdd=0 * angles), bare.inverse(q=angles, qd=0 * angles, qdd=0 * angles)
+    assert (run.status == 0).all()
+    extra = (run.driving_force - without.driving_force).values
+    step = 1e-6
+    for k in range(2):
+        moved = angles + step * np.eye(2)[k]
+        back = angles - step * np.eye(2)[k]
+        slope = [np.arccos(np.clip(scene.poses(q).rotation[:, 0, 2, 2], -1, 1)) for q in (moved, back)]
+        np.testing.assert_allclose(extra[1:, k], (50 * np.maximum(tilt - 0.2, 0) * (slope[0] - slope[1]) / (2 * step))[1:], atol=1e-6)
+    np.testing.assert_allclose(extra[0] if abs(flat[2, 2] - 1) < 1e-9 else 0, 0, atol=1e-12)
+    assert tilt[1:].min() > 0.2 and tilt[0] < 1e-7
+
+
+def test_in_a_plane_and_across_links() -> None:
+    data: dict[str, Any] = {
+        "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"A": [0, 0]}},
+        "link": [{"name": name, "markers": {"A": [0, 0], "B": {"at": [0.5, 0], "axis": [1, 0]}}, "mass": 1.0, "cog": [0.25, 0], "inertia": 0.02} for name in ("one", "two")],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "one.A"]}, {"name": "B", "type": "revolute", "between": ["one.B", "two.A"]}],
+        "coordinate": [{"joint": "A", "start": -0.5}, {"joint": "B", "start": 0.4}], "time": {"end": 2},
+    }  # fmt: skip
+    by_joint = copy.deepcopy(data) | {"stop": [{"name": "S", "joint": "B", "min": -0.9, "max": 0.9, "restitution": 0.3}]}
+    by_tilt = copy.deepcopy(data) | {"measures": {"bend": {"axes": ["one.B", "two.B"]}}, "stop": [{"name": "S", "measure": "bend", "max": 0.9, "restitution": 0.3}]}
+    one, other = (linkdyn.Scene(scene).forward(t=np.linspace(0, 2, 21), rtol=1e-11, atol=1e-12, method="gbs") for scene in (by_joint, by_tilt))
+    assert len(one.event_time) == len(other.event_time) == 2
+    np.testing.assert_allclose(one.q, other.q, atol=1e-8)
+
+
+def test_a_rod_in_its_socket_may_spin() -> None:
+    """A tilt of the rod's own line says nothing of its spin, which stays idle; one of a line beside it does."""
+    rod = {"name": "rod", "markers": {"S": {"at": [0, 0, 0], "axis": [0, 0, 1]}, "T": [0, 0, 0.5], "side": {"at": [0, 0, 0], "axis": [0.2, 0, 1]}}, "mass": 1.0, "cog": [0, 0, 0.25], "inertia": [0.02, 0.02, 0.001, 0, 0, 0]}
+    data: dict[str, Any] = {
+        "space": "spatial", "gravity": [0, 0, -9.81], "frame": {"markers": {"S": [0, 0, 0], "G": {"at": [0, 0, 0.5], "axis": [1, 0, 0]}, "H": {"at": [0, 0, 0.6], "axis": [0, 0, 1]}}},
+        "link": [rod | {"start": {"position": [0, 0, 0]}}, {"name": "slide", "markers": {"G": {"at": [0, 0, 0], "axis": [1, 0, 0]}}, "mass": 1.0, "inertia": [0.01, 0.01, 0.01, 0, 0, 0]},
+                 {"name": "head", "markers": {"G": {"at": [0, 0, 0], "axis": [0, 0, 1]}, "T": [0, 0, 0]}, "mass": 0.5, "inertia": [0.001, 0.001, 0.001, 0, 0, 0], "start": {"position": [0, 0, 0.5]}}],
+        "joint": [{"name": "S", "type": "spherical", "between": ["frame.S", "rod.S"]}, {"name": "G", "type": "prismatic", "between": ["frame.G", "slide.G"]},
+                  {"name": "V", "type": "prismatic", "between": ["slide.G2", "head.G"]}, {"name": "T", "type": "spherical", "between": ["rod.T", "head.T"]}],
+        "coordinate": [{"joint": "G", "start": {"position": 0.02, "velocity": 0.5}}], "time": {"end": 0.5}, "measures": {"tilt": {"axes": ["frame.H", "rod.S"]}},
+        "stop": [{"name": "rim", "measure": "tilt", "max": 0.3, "restitution": 0.5}],
+    }  # fmt: skip
+    data["link"][1]["markers"]["G2"] = {"at": [0, 0, 0], "axis": [0, 0, 1]}
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 0.5, 11))
+    assert run.attrs["idle_spins"] == "rod" and len(run.event_time) >= 1 and (run.status == 0).all()
+    assert np.arcsin(np.abs(run.q.values / 0.5)).max() <= 0.3 + 1e-9
+    data["measures"]["tilt"]["axes"][1] = "rod.side"
+    with pytest.raises(linkdyn.SceneError, match="mobility"):
+        linkdyn.Scene(data)
