@@ -6,7 +6,8 @@ module test_laws
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
         law_cycloidal, law_polynomial_345, law_harmonic, law_table
-    use linkdyn_laws, only: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, law_end, law_kinks
+    use linkdyn_laws, only: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, have_same_course, &
+        law_end, law_kinks
     use linkdyn_spline, only: fit_spline
     use linkdyn_table, only: interval_of
     implicit none (type, external)
@@ -251,26 +252,36 @@ contains
     end subroutine test_intervals
 
     !> Law after law at the same instants gives what each gives alone, to the last bit: instants in any order, repeated, in
-    !> knots, outside, beside the ends by a rounding, no numbers at all; tables that share their knots and others between them.
+    !> knots, outside, beside the ends by a rounding, no numbers at all; laws that share their courses and others between them.
     subroutine test_many_instants(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = most_instants
-        type(law_spec) :: law(7)
+        integer, parameter :: shared(4) = [law_cycloidal_start, law_cycloidal, law_polynomial_345, law_harmonic]
+        type(law_spec) :: law(15)
         type(law_instants) :: instants
         real(wp) :: t(n), value(n), rate(n), acceleration(n), expected(3), nan
         integer :: i, k, turn
 
         law = sample_law(law_table)
-        law(1)%table = 1
-        law(2)%table = 1
+        law(1)%course = 1
+        law(2)%course = 1
         law(2)%knot = 3*law(2)%knot
         deallocate (law(2)%curvature)                 ! straight lines share with splines
         law(3) = table_of([-2.0_wp, 0.1_wp, 9.0_wp, 9.5_wp], [1.0_wp, -2.0_wp, 0.5_wp, 0.0_wp])
-        law(3)%table = 2
+        law(3)%course = 2
         law(4) = table_of([1.0_wp], [4.0_wp])         ! nobody has looked at the knots of two
         law(5) = table_of([0.0_wp, 3.0_wp], [1.0_wp, 2.0_wp])
         law(6) = sample_law(law_harmonic)
-        law(7)%table = 1                              ! first and last, at other instants
+        law(7)%course = 1                             ! first and last, at other instants
+        do k = 1, size(shared)
+            law(2*k + 6:2*k + 7) = sample_law(shared(k))
+            law(2*k + 6:2*k + 7)%course = 2 + k
+            law(2*k + 7)%value(:2) = -3*law(2*k + 7)%value(:2)
+            if (allocated(law(2*k + 7)%knot)) law(2*k + 7)%knot = 0.3_wp - 2*law(2*k + 7)%knot
+            call check(error, have_same_course(law(2*k + 6), law(2*k + 7)), "of other sizes")
+            call check(error, .not. have_same_course(law(2*k + 6), law(2*k + 4)), "of another kind")
+        end do
+        call check(error, .not. have_same_course(law(1), law(3)), "of other knots")
         nan = ieee_value(nan, ieee_quiet_nan)
         do turn = 1, 3
             do i = 1, n
