@@ -107,16 +107,17 @@ def picture_size(postures: Postures, largest: tuple[float, float] = LARGEST) -> 
 def set_limits(ax: Any, postures: Postures) -> None:
     """Limits that hold the mechanism at every sample."""
     lowest, highest = _limits(postures)
-    for name, low, high in zip("xy" if postures.scene.planar else "xyz", lowest, highest):
+    names = "xy" if postures.scene.planar else "xyz"
+    extent = (highest - lowest)[: len(names)]
+    size = float(extent.max())
+    for name, low, high, part in zip(names, lowest, highest, extent / size):
         getattr(ax, f"set_{name}lim")(low, high)
-        getattr(ax, f"set_{name}label")(f"{name} [m]")
+        # in space numbers of a short axis lie closer, and over each other
+        scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=6 if postures.scene.planar else max(2, round(6 * part)))
+        if size >= LARGE:
+            getattr(ax, f"set_{name}label")(f"{name} [m]")
     if postures.scene.planar:
         ax.set_aspect("equal")
-        size = float((highest - lowest)[:2].max())
-        for name in ("x", "y"):
-            scale_axis(ax, name, name, "m" if size < LARGE else "", size)
-            if size >= LARGE:
-                getattr(ax, f"set_{name}label")(f"{name} [m]")
     else:
         ax.set_box_aspect(highest - lowest, zoom=0.95)
         ax.view_init(elev=ELEVATION, azim=best_azimuth(postures.points[0]))

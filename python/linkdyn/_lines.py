@@ -53,9 +53,9 @@ def abscissa(run: xr.Dataset, over: str | None = None) -> tuple[NDArray[np.float
 
 
 def scale_axis(axis: Axes, side: str, name: str, unit: str, largest: float, ticks: int = 6) -> tuple[float, str]:
-    """Name an axis ("x" or "y") and number it in the unit that suits its values; factor and unit."""
+    """Name an axis ("x", "y" or "z") and number it in the unit that suits its values; factor and unit."""
     factor, word = readable(unit, largest) if unit not in ("", "s") else (1.0, unit)
-    one = axis.xaxis if side == "x" else axis.yaxis
+    one = getattr(axis, f"{side}axis")
     one.set_major_locator(_Locator(factor, ticks))
     one.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 9):g}".replace("-", "−")))
     one.set_label_text(f"{name} [{word}]" if word else name)

@@ -172,7 +172,9 @@ def picture(figure: Figure, target: str | os.PathLike[str], inputs: Inputs = (),
     import io
 
     stream = io.BytesIO()
-    figure.savefig(stream, format=os.path.splitext(target)[1][1:].lower(), dpi=dpi)
+    # a layout leaves no room for the names of axes in space, and much where there is nothing
+    border = "tight" if any(axis.name == "3d" for axis in figure.axes) else None
+    figure.savefig(stream, format=os.path.splitext(target)[1][1:].lower(), dpi=dpi, bbox_inches=border)
     write_output(target, stream.getvalue(), inputs)
 
 
