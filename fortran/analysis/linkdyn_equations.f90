@@ -90,6 +90,7 @@ module linkdyn_equations
         real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
         integer :: status(lanes) = sample_ok
         integer :: status_of_motion(lanes) = sample_ok  !! before any force was known
+        logical :: is_doubtful(lanes) = .false.         !! nothing but the uncertainty of a group flags the motion
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
         logical :: fell_back(lanes) = .false.           !! the pivots of the kernel have failed on the lane
@@ -330,6 +331,7 @@ contains
         workspace%growth = workspace%rcond
         workspace%status = sample_ok
         where (workspace%state%singular) workspace%status = sample_singular
+        workspace%is_doubtful = .false.
         if (workspace%checks_accuracy) call flag_uncertain(model, workspace)
         if (model%share%n > 0) then
             where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state)) workspace%status = sample_unreachable
@@ -592,7 +594,9 @@ contains
         logical :: is_uncertain(lanes)
 
         call flag_closed_forms(model, workspace%state, is_uncertain)
-        where (is_uncertain .or. workspace%state%uncertainty > largest_uncertainty) workspace%status = sample_singular
+        workspace%is_doubtful = workspace%state%uncertainty > largest_uncertainty .and. .not. is_uncertain &
+                                .and. workspace%status == sample_ok
+        where (is_uncertain .or. workspace%is_doubtful) workspace%status = sample_singular
     end subroutine flag_uncertain
 
     !> A motion or load that is not finite has no forces.

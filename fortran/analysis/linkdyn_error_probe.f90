@@ -9,6 +9,7 @@
 !> **Source**: J. Vignes, *Math. Comput. Simul.* 35 (1993) 233, for the idea; there the rounding itself is random.
 module linkdyn_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_catalogue, only: result_reaction
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
         want_of, &
@@ -16,7 +17,8 @@ module linkdyn_error_probe
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, place_size, gives_attitude, attitude_angles
+    use linkdyn_mix, only: counter_uniform
+    use linkdyn_model, only: model_type, place_size, scene_size, gives_attitude, attitude_angles
     use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
     use linkdyn_status, only: status_type, sample_ok
@@ -31,6 +33,10 @@ module linkdyn_error_probe
     ! moment. docs/accuracy.md shows how the two were found.
     real(wp), parameter :: safety = 20, floor_part = 0.5_wp
 
+    !> Beside where they are found links of groups are no solution, and Newton's method finds them anew, with a rounding of its own. From
+    !> where they are it finds nothing to correct: numbers that agree to the last bit may be far from right near a change point.
+    real(wp), parameter :: beside = 1.0e-8_wp           !! of the mechanism's size
+
     !> A similar model, its equations, and what brings inputs to its size and outputs back.
     type :: probe_copy
         type(model_type) :: model
@@ -38,6 +44,7 @@ module linkdyn_error_probe
         real(wp), allocatable :: motion_factor(:, :)    !! of q, qd, qdd (n_q, 3)
         real(wp), allocatable :: load_factor(:, :)      !! (6, n_load)
         real(wp), allocatable :: place_factor(:)        !! of what places a link of a group (place_size)
+        real(wp), allocatable :: place_beside(:, :)     !! added to that [m] (place_size, n_link)
         real(wp), allocatable :: drive_back(:)          !! (n_actuator)
         real(wp), allocatable :: reaction_back(:)       !! (n_component)
     end type probe_copy
@@ -90,6 +97,11 @@ contains
                     end do
                 end do
                 copy%place_factor = [(merge(scale, 1.0_wp, j <= n_force), j=1, place_size(model))]
+                allocate (copy%place_beside(place_size(model), model%n_link), source=0.0_wp)
+                do k = 1, model%n_link
+                    copy%place_beside(:n_force, k) = beside*scene_size(copy%model) &
+                        *[(2*counter_uniform(int(i, int64), int(j, int64), int(k, int64)) - 1, j=1, n_force)]
+                end do
                 copy%drive_back = [(1/drive_scale(model, j, scale), j=1, model%n_actuator)]
                 copy%reaction_back = [(merge(1/scale, 1/scale**2, j <= n_force), j=1, model%n_component)]
             end associate
@@ -194,7 +206,10 @@ contains
         if (size(copy%model%group) == 0) return
         workspace%state%group%start_q = workspace%state%q
         do k = 1, size(copy%place_factor)
-            workspace%state%group%start_place(:, k, :) = solved%state%group%place(:, k, :)*copy%place_factor(k)
+            do j = 1, copy%model%n_link
+                workspace%state%group%start_place(:, k, j) = solved%state%group%place(:, k, j)*copy%place_factor(k) &
+                                                             + copy%place_beside(k, j)
+            end do
         end do
     end subroutine take_inputs
 

@@ -50,6 +50,7 @@ module linkdyn_inverse
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_roads, only: road_counts
+    use linkdyn_second_look, only: second_look, need_look, free_look, surely_certain
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_settled_samples, only: settle_samples, known_nodes
@@ -92,6 +93,7 @@ module linkdyn_inverse
         real(wp), allocatable :: friction_power(:, :)           !! (lane, n_joint)
         real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
         type(probe_space) :: probe                              !! if errors are wanted
+        type(probe_space) :: doubt                              !! if samples have been looked at again
         type(condition_space) :: condition                      !! if the condition number or the distance is
         type(singularity_space) :: singularity                  !! if the distance is
         type(thread_space), pointer :: next => null()           !! idle as well
@@ -113,6 +115,7 @@ module linkdyn_inverse
     type :: inverse_solver
         type(equations_type) :: equations
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
+        type(second_look), pointer :: look => null()            !! there if samples may want one
         type(condition_type), pointer :: condition => null()    !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
@@ -171,6 +174,9 @@ contains
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
         end if
+        ! reactions that the equations leave open have no estimates
+        if (options%wants_forces .and. size(model%group) > 0 .and. .not. (wants_reactions .and. model%share%n > 0)) &
+            allocate (solver%look)
         solver%wants_distance = options%wants_distance
         if (options%wants_distance) solver%equations%needs_columns = .true.
         if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then
@@ -202,6 +208,10 @@ contains
 
         call free_equations(self%equations)
         if (allocated(self%probe)) call free_probe(self%probe)
+        if (associated(self%look)) then
+            call free_look(self%look)
+            deallocate (self%look)
+        end if
         if (associated(self%condition)) then
             call free_condition(self%condition)
             deallocate (self%condition)
@@ -449,7 +459,7 @@ contains
             do block = 1, n_block
                 if (is_interrupted()) cycle
                 call run_block(block, space%workspace, space%reaction, space%friction, space%friction_power, space%variable, &
-                               space%rate, space%probe, space%condition, space%singularity)
+                               space%rate, space%probe, space%doubt, space%condition, space%singularity)
                 n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n_left - (block - 1)*lanes)))
             end do
             !$omp end do
@@ -475,11 +485,12 @@ contains
         end function sample_of
 
         !> One block from samples to samples.
-        subroutine run_block(block, workspace, reaction, friction, friction_power, variable, rate, probe, condition, singularity)
+        subroutine run_block(block, workspace, reaction, friction, friction_power, variable, rate, probe, doubt, condition, &
+                             singularity)
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
             real(wp), intent(inout) :: reaction(:, :, :), friction(:, :, :), friction_power(:, :), variable(:, :), rate(:, :)
-            type(probe_space), intent(inout) :: probe
+            type(probe_space), intent(inout) :: probe, doubt
             type(condition_space), intent(inout) :: condition
             type(singularity_space), intent(inout) :: singularity
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
@@ -491,6 +502,7 @@ contains
             workspace%fell_back = .false.
             call want_of(workspace, wanted)
             call solve_block(model, solver%equations, workspace)
+            if (any(workspace%is_doubtful)) call look_again(block, workspace, reaction, doubt)
             if (associated(results%reaction)) &
                 reaction = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
             if (associated(results%friction)) &
@@ -524,6 +536,32 @@ contains
             call scatter(block, workspace, reaction, friction, friction_power, variable, rate, driven, driven_rate, probe, &
                          imbalance, kinetic, potential, gap, distance)
         end subroutine run_block
+
+        !> Lanes that are doubtful are taken where their forces hardly scatter.
+        subroutine look_again(block, workspace, reaction, doubt)
+            integer, intent(in) :: block
+            type(equation_workspace), intent(inout) :: workspace
+            real(wp), intent(inout) :: reaction(:, :, :)
+            type(probe_space), intent(inout) :: doubt
+            integer :: flagged(lanes)
+            logical :: is_doubtful(lanes)
+
+            if (present(given_force) .or. .not. associated(solver%look)) return
+            call need_look(model, solver%equations%solver, solver%equations%wants_reactions, solver%look)
+            if (.not. solver%look%is_usable) return
+            if (.not. allocated(doubt%workspace)) call prepare_probe_space(solver%look%probe, doubt)
+            flagged = workspace%status
+            is_doubtful = workspace%is_doubtful
+            workspace%checks_accuracy = .false.
+            call gather(block, workspace)
+            workspace%fell_back = .false.
+            call solve_block(model, solver%equations, workspace)
+            workspace%checks_accuracy = .true.
+            if (associated(results%reaction)) &
+                reaction = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
+            call estimate_errors(solver%look%probe, workspace, reaction, associated(results%reaction), doubt)
+            where (.not. (is_doubtful .and. doubt%worst <= surely_certain)) workspace%status = flagged
+        end subroutine look_again
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
         subroutine gather(block, workspace)
@@ -1046,6 +1084,7 @@ contains
 
         call space%workspace%free()
         call space%probe%free()
+        call space%doubt%free()
         call space%condition%free()
         call space%singularity%free()
         deallocate (space)
