@@ -6,15 +6,16 @@ module linkdyn_scene_events
     use linkdyn_constants, only: pi
     use linkdyn_expression, only: measured_value
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
-        node_multiply, node_negate, node_max, node_if
+        node_multiply, node_divide, node_negate, node_max, node_if, node_sqrt, node_tanh, node_abs
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, is_pose_part, pose_attitude
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, state_law, measure_spec, law_over, name_len, &
-        is_place, measure_joint, measure_distance, measure_tilt
+    use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, friction_spec, state_law, measure_spec, law_over, &
+        name_len, is_place, measure_joint, measure_marker, measure_distance, measure_tilt
     use linkdyn_scene_forces, only: read_stiffness
+    use linkdyn_scene_friction, only: read_size, usual_creep_speed
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
         get_text
-    use linkdyn_scene_laws, only: table_shelf
+    use linkdyn_scene_laws, only: require_positive, table_shelf
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_state_laws, only: read_coordinate_measure, add_place_measure, pose_measure, measure_quantity, add_touch
@@ -22,7 +23,7 @@ module linkdyn_scene_events
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
-    use linkdyn_units, only: quantity_type, plain_number
+    use linkdyn_units, only: quantity_type, plain_number, speed
     use linkdyn_variables, only: formula_of_text
     implicit none (type, external)
     private
@@ -130,6 +131,7 @@ contains
         type(quantity_type) :: quantity
         type(toml_node) :: node(2)
         character(len=name_len) :: name
+        type(friction_spec) :: rub
         real(wp) :: bound(2), value(2), near
         logical :: has(2), is_spring
         integer :: k, rate
@@ -139,7 +141,7 @@ contains
         if (.not. status%is_ok()) return
         place%what = "stop "//quoted(name)
         call allow_keys(place, [character(len=11) :: "name", "joint", "variable", "coordinate", "measure", "min", "max", &
-            "restitution", "stiffness", "damping"], status)
+            "restitution", "stiffness", "damping", "coulomb", "creep_speed"], status)
         call read_place(place, shelf, scene, measure, bumper%what, status)
         if (.not. status%is_ok()) return
         quantity = measure_quantity(scene, measure)
@@ -178,6 +180,8 @@ contains
             end do
             if (.not. status%is_ok()) return
         end if
+        call read_rubbing(place, measure, is_spring, rub, status)
+        if (.not. status%is_ok()) return
         near = sum(bound, mask=has)/count(has)
         call add_place_measure(scene, measure, near, .false., shelf, bumper%measure)
         call add_place_measure(scene, measure, 0.0_wp, .true., shelf, rate)
@@ -188,7 +192,9 @@ contains
             bumper%bound = bound(k)
             call add_side(bumper, scene)
         end do
-        if (is_spring) call add_spring(name, bumper, has, bound, value, rate, shelf, scene)
+        if (.not. is_spring) return
+        call add_spring(name, bumper, has, bound, value, rate, shelf, scene)
+        if (rub%coulomb > 0) call add_rubbing(name, bumper, rub, shelf, scene)
     end subroutine read_stop
 
     !> What is stopped: a joint variable, a coordinate or a measure.
@@ -280,6 +286,34 @@ contains
         end if
     end subroutine read_restitution
 
+    !> Across the push a soft stop of a place may rub: a foot on its floor.
+    subroutine read_rubbing(place, measure, is_spring, rub, status)
+        type(scene_place), intent(in) :: place
+        type(measure_spec), intent(in) :: measure
+        logical, intent(in) :: is_spring
+        type(friction_spec), intent(out) :: rub        !! %coulomb, %creep_speed
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+        logical :: has_coulomb, has_creep
+
+        if (.not. status%is_ok()) return
+        call read_size(place, "coulomb", plain_number, rub%coulomb, has_coulomb, status)
+        rub%creep_speed = usual_creep_speed
+        call read_size(place, "creep_speed", speed, rub%creep_speed, has_creep, status)
+        if (has_creep) call require_positive(place, "creep_speed", rub%creep_speed, "m/s", status)
+        if (.not. status%is_ok()) return
+        node = place%node%get("coulomb")
+        if (has_creep .and. .not. has_coulomb) then
+            call refuse_missing(place, "coulomb", "the coefficient with which it rubs", status)
+        else if (has_coulomb .and. .not. is_spring) then
+            call refuse_value(place, "coulomb", node, "is for stops that give way (expected 'stiffness' and 'damping' in place "// &
+                "of 'restitution')", status)
+        else if (has_coulomb .and. measure%kind /= measure_marker) then
+            call refuse_value(place, "coulomb", node, "is for the coordinate of a marker or link, whose surface lies across it "// &
+                "(expected a measure { marker = .., component = .. }; joints rub by [[friction]])", status)
+        end if
+    end subroutine read_rubbing
+
     !> One side, and its gap as an event: positive while there is no contact.
     subroutine add_side(bumper, scene)
         type(stop_spec), intent(in) :: bumper
@@ -362,6 +396,73 @@ contains
         spring%line = bumper%line
         scene%spring = [scene%spring, spring]
     end subroutine add_spring
+
+    !> Friction of a soft stop whose push is the law that was added last: springs along the directions across it, whose laws pull
+    !> back what slides with coulomb times the push.
+    subroutine add_rubbing(name, bumper, rub, shelf, scene)
+        character(len=*), intent(in) :: name
+        type(stop_spec), intent(in) :: bumper
+        type(friction_spec), intent(in) :: rub
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        character(len=1), parameter :: component_name(3) = ["x", "y", "z"]
+        type(measure_spec) :: along
+        type(spring_spec) :: spring
+        integer, allocatable :: component(:), rate(:)
+        integer :: i, push
+
+        push = size(shelf%book%law)
+        along = shelf%book%measure(bumper%measure)
+        component = pack([1, 2, 3], [1, 2, 3] /= along%component .and. ([1, 2, 3] < 3 .or. .not. scene%planar))
+        allocate (rate(size(component)))
+        do i = 1, size(component)
+            along%component = component(i)
+            call add_place_measure(scene, along, 0.0_wp, .true., shelf, rate(i))
+        end do
+        do i = 1, size(component)
+            along%component = component(i)
+            spring%name = trim(name)//"."//component_name(component(i))
+            spring%line = bumper%line
+            call add_place_measure(scene, along, 0.0_wp, .false., shelf, spring%measure)
+            shelf%book%law = [shelf%book%law, state_law(name="stop "//quoted(name), formula=rubbing(rub, push, rate, rate(i)))]
+            spring%force%kind = law_over
+            spring%force%law = size(shelf%book%law)
+            scene%spring = [scene%spring, spring]
+        end do
+    end subroutine add_rubbing
+
+    !> coulomb |push| tanh(V/creep) v/V, V the speed of which v is a component.
+    function rubbing(rub, push, rate, own) result(formula)
+        type(friction_spec), intent(in) :: rub
+        integer, intent(in) :: push                    !! law
+        integer, intent(in) :: rate(:), own            !! measures: the speed's components, the one along which it pulls
+        type(formula_type) :: formula
+        real(wp), parameter :: still = 1.0e-9_wp       !! of the creep speed: there it is none
+        integer :: i, square, speed_node
+
+        square = 0
+        do i = 1, size(rate)
+            call add_node(formula, formula_node(node_symbol, a=rate(i)))
+            call add_node(formula, formula_node(node_multiply, a=formula%n, b=formula%n))
+            if (square > 0) call add_node(formula, formula_node(node_add, a=square, b=formula%n))
+            square = formula%n
+        end do
+        call add_node(formula, formula_node(node_sqrt, a=square))
+        call add_node(formula, formula_node(node_number, number=still*rub%creep_speed))
+        call add_node(formula, formula_node(node_max, a=formula%n - 1, b=formula%n))
+        speed_node = formula%n
+        call add_node(formula, formula_node(node_number, number=1/rub%creep_speed))
+        call add_node(formula, formula_node(node_multiply, a=speed_node, b=formula%n))
+        call add_node(formula, formula_node(node_tanh, a=formula%n))
+        call add_node(formula, formula_node(node_divide, a=formula%n, b=speed_node))
+        call add_node(formula, formula_node(node_symbol, a=own))
+        call add_node(formula, formula_node(node_multiply, a=formula%n - 1, b=formula%n))
+        call add_node(formula, formula_node(node_symbol, a=-push))
+        call add_node(formula, formula_node(node_abs, a=formula%n))
+        call add_node(formula, formula_node(node_multiply, a=formula%n - 2, b=formula%n))
+        call add_node(formula, formula_node(node_number, number=rub%coulomb))
+        call add_node(formula, formula_node(node_multiply, a=formula%n - 1, b=formula%n))
+    end function rubbing
 
     !> Stiffness times depth and damping times its rate, in contact and never a pull, as a node.
     integer function one_sided_force(formula, bumper, value, rate, touch) result(node)

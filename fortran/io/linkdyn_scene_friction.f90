@@ -16,7 +16,7 @@ module linkdyn_scene_friction
     use linkdyn_units, only: quantity_type, plain_number, length, force, speed, damping, angular_damping
     implicit none (type, external)
     private
-    public :: read_frictions
+    public :: read_frictions, read_size, usual_creep_speed
 
     integer, parameter :: key_len = 14
     real(wp), parameter :: usual_creep_speed = 1e-3_wp    !! of surfaces [m/s]

@@ -892,7 +892,8 @@ class Builder:
     def stop(
         self, name: str, joint: str | Joint | None = None, *, variable: str | None = None, coordinate: str | None = None,
         measure: str | None = None, min: Quantity | None = None, max: Quantity | None = None, stiffness: Quantity | None = None,
-        damping: Quantity | None = None, restitution: Quantity | None = None, repeat: int | None = None,
+        damping: Quantity | None = None, coulomb: Quantity | None = None, creep_speed: Quantity | None = None,
+        restitution: Quantity | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
         """An end stop of a joint variable, a component of a pose or a measure: it gives way like a spring, or throws back.
 
@@ -905,11 +906,13 @@ class Builder:
         coordinate
             or this coordinate,
         measure
-            or this measure of a place: a marker's coordinate, a distance.
+            or this measure of a place: a marker's coordinate, a distance, a tilt.
         min, max
             Where contact begins [m, rad].
         stiffness, damping
             It gives way [N/m, N m/rad], [N s/m, N m s/rad].
+        coulomb, creep_speed
+            A marker that is pushed rubs across the push with this coefficient; the speed below which it creeps [m/s].
         restitution
             It throws back: speed after an impact over the speed before.
         repeat

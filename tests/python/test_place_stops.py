@@ -505,3 +505,79 @@ def test_a_sweep_has_the_force_of_a_soft_stop():
     both = weight - push[:, None] * row
     assert 2 < (push > 0).sum() < 8
     np.testing.assert_allclose(found.driving_force.values.reshape(-1, 2), np.column_stack([both.sum(axis=1), both[:, 1]]), rtol=1e-10)
+
+
+# ------------------------------------------------------------------------------------------------------------ friction across
+def test_a_body_slides_to_rest_on_a_soft_floor():
+    # Straight on, whichever way, slowed down by mu g.
+    k, mu = 4000.0, 0.3
+    velocity = np.array([2.0, 1.5])
+    start = {"position": [0.1, -0.2, 0.2 - 2 * GRAVITY / k], "velocity": [*velocity, 0]}
+    scene = ball(start, stop=[{"name": "mat", "coordinate": "body.z", "min": 0.2, "stiffness": k, "coulomb": mu}])
+    stops = np.linalg.norm(velocity) / (mu * GRAVITY)
+    t = np.linspace(0, 1.5 * stops, 61)
+    run = scene.forward(t=t, rtol=1e-10, atol=1e-11, method="seulex")
+    slides = np.minimum(t, stops)
+    way = np.linalg.norm(velocity) * slides - mu * GRAVITY * slides**2 / 2
+    np.testing.assert_allclose(run.q.values[:, :2], [0.1, -0.2] + np.outer(way, velocity / np.linalg.norm(velocity)), rtol=0, atol=2e-6)
+    np.testing.assert_allclose(run.q.values[:, 3:], 0, rtol=0, atol=1e-12)
+    assert np.abs(run.qd.values[t > 1.1 * stops, :2]).max() < 1e-12
+
+
+@pytest.mark.parametrize("side", [{"min": 0.0}, {"max": -0.1}])
+def test_friction_across_as_a_load_of_ones_own(side):
+    (bound,), sign = side.values(), 1 if "min" in side else -1
+    stop = disc({"position": [0.1, 0.15 - 0.35 * (sign < 0)], "velocity": [0.7, -0.4 * sign], "angular_rate": 1.0}, gravity=[0, -GRAVITY * sign],
+                stop=[{"name": "floor", "measure": "height", "stiffness": 3000.0, "damping": 15.0, "coulomb": 0.4, "creep_speed": 0.05} | side])
+    own = disc({"position": [0.1, 0.15 - 0.35 * (sign < 0)], "velocity": [0.7, -0.4 * sign], "angular_rate": 1.0}, gravity=[0, -GRAVITY * sign],
+               measures={"height": {"marker": "body.foot", "component": "y"}, "sinks": {"marker": "body.foot", "component": "y", "rate": True},
+                         "slips": {"marker": "body.foot", "component": "x", "rate": True}},
+               laws={"push": f"if({sign}*({bound!r} m - height), max(0 N, 3000 N/m*({bound!r} m - height)*{sign} - 15 N*s/m*sinks*{sign}), 0 N)"},
+               load=[{"on": "body.foot", "force": ["-0.4*push*tanh(slips/(50 mm/s))", f"{sign}*push"]}])  # fmt: skip
+    t = np.linspace(0, 0.4, 41)
+    one, other = (scene.forward(t=t, rtol=1e-10, atol=1e-11, method="seulex") for scene in (stop, own))
+    np.testing.assert_allclose(one.q, other.q, rtol=0, atol=2e-8)
+    assert np.abs(one.qd.values[:, 2]).max() > 1.5
+
+
+def test_a_foot_dragged_along_takes_its_friction():
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0, -GRAVITY], "frame": {"markers": {"G": {"at": [0, 0], "axis": [1, 0]}}},
+        "link": [{"name": "sled", "markers": {"G": {"at": [0, 0], "axis": [1, 0]}, "foot": [0.2, -0.302]}, "mass": 3.0, "inertia": 0.1}],
+        "joint": [{"name": "G", "type": "prismatic", "between": ["frame.G", "sled.G"]}],
+        "coordinate": [{"joint": "G"}], "actuator": [{"joint": "G"}],
+        "measures": {"height": {"marker": "sled.foot", "component": "y"}},
+        "stop": [{"name": "floor", "measure": "height", "min": -0.3, "stiffness": 5e4, "coulomb": 0.25}], "time": {"end": 1},
+    })  # fmt: skip
+    q = np.linspace(-1, 1, 200)[:, np.newaxis]
+    qd = np.where(np.arange(200) % 2, 0.5, -0.3)[:, np.newaxis]
+    run = scene.inverse(q=q, qd=qd, qdd=0 * q)
+    np.testing.assert_allclose(run.driving_force, np.sign(qd) * 0.25 * 100, rtol=1e-12)
+    np.testing.assert_allclose(run.reaction.sel(joint="G").values[:, 1], 3 * GRAVITY - 100, rtol=1e-12)
+    assert float(np.abs(run.power_imbalance).max()) < 1e-12
+    assert float(np.abs(scene.inverse(q=q, qd=0 * qd, qdd=0 * q).driving_force).max()) == 0
+
+
+def test_friction_between_two_bodies_keeps_their_momentum():
+    # A foot grazes a table that floats as freely: what it does to the one it does to the other, in the same place.
+    description = {
+        "space": "planar", "gravity": [0, 0],
+        "link": [{"name": "table", "markers": {"O": [0, 0]}, "mass": 5.0, "cog": [0.1, -0.05], "inertia": 0.4},
+                 {"name": "body", "markers": {"foot": [0.1, -0.2]}, "mass": 2.0, "inertia": 0.05}],
+        "coordinate": [{"link": "table", "start": {"velocity": [0.2, 0.3], "angular_rate": 0.5}},
+                       {"link": "body", "start": {"position": [0.1, 0.25], "velocity": [1.5, -0.6], "angular_rate": -2.0}}],
+        "measures": {"gap": {"marker": "body.foot", "component": "y", "relative_to": "table"}},
+        "stop": [{"name": "top", "measure": "gap", "min": 0, "stiffness": 2000.0, "coulomb": 0.5, "creep_speed": 0.02}], "time": {"end": 1},
+    }  # fmt: skip
+    run = linkdyn.Scene(description).forward(t=np.linspace(0, 0.5, 101), rtol=1e-10, atol=1e-12, method="seulex")
+    assert kinds(run)[:2] == ["contact", "release"]
+    q, qd = run.q.values.reshape(-1, 2, 3), run.qd.values.reshape(-1, 2, 3)
+    momentum = np.zeros((len(q), 3))
+    for k, (mass, cog, inertia) in enumerate(((5.0, (0.1, -0.05), 0.4), (2.0, (0, 0), 0.05))):
+        c, s = np.cos(q[:, k, 2]), np.sin(q[:, k, 2])
+        arm = np.stack([c * cog[0] - s * cog[1], s * cog[0] + c * cog[1]], axis=1)
+        place, velocity = q[:, k, :2] + arm, qd[:, k, :2] + qd[:, k, 2:] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        momentum[:, :2] += mass * velocity
+        momentum[:, 2] += inertia * qd[:, k, 2] + mass * (place[:, 0] * velocity[:, 1] - place[:, 1] * velocity[:, 0])
+    np.testing.assert_allclose(momentum, np.broadcast_to(momentum[0], momentum.shape), rtol=0, atol=1e-8)
+    assert run.kinetic_energy.values[-1] < run.kinetic_energy.values[0] - 0.01
