@@ -465,3 +465,30 @@ def test_equations_written_out_of_what_is_driven_too_little_or_too_much():
     many = two_hinges(["left", "right", "right"]).explain(matrix=True)
     assert [len(row) for row in table(many)] == 6 * [7]
     assert [row[-2:] for row in table(many)] == 5 * [[".", "."]] + [["1.0000", "1.0000"]]
+
+
+def test_more_laws_than_coordinates_and_loads():
+    """Each has a course of its own; those that share one are told apart by their sizes."""
+
+    def law(size: float, end: float) -> dict:
+        return {"law": "cycloidal", "times": [0.0, end], "values": [0.0, size]}
+
+    def arm(sizes: list[float], ends: list[float]) -> xr.Dataset:
+        names = ("x", "y", "yaw")
+        return linkdyn.Scene({
+            "space": "planar",
+            "frame": {"markers": {"O": [0, 0]}, "motion": {name: law(s, e) for name, s, e in zip(names, sizes, ends)}},
+            "link": [{"name": "arm", "mass": 1, "inertia": 0.1, "cog": [0.5, 0], "markers": {"O": [0, 0]}}],
+            "joint": [{"name": "O", "type": "revolute", "between": ["frame.O", "arm.O"]}],
+            "coordinate": [{"joint": "O", "motion": law(1.0, 2.0)}],
+            "actuator": [{"joint": "O"}],
+            "payload": [{"on": "arm.O", "mass": law(0.5, 0.7)}],
+            "time": {"end": 2.0, "samples": 9},
+        }).inverse()
+
+    run = arm([0.3, 0.2, 0.1], [2.0, 1.0, 1.5])
+    assert np.all(run.status == 0)
+    alone = [arm([size if i == k else 0.0 for i in range(3)], [2.0, 1.0, 1.5]).driving_force for k, size in enumerate((0.3, 0.2))]
+    still = arm([0.0, 0.0, 0.0], [2.0, 1.0, 1.5]).driving_force
+    both = arm([0.3, 0.2, 0.0], [2.0, 1.0, 1.5]).driving_force
+    np.testing.assert_allclose(both - still, sum(one - still for one in alone), atol=1e-13)
