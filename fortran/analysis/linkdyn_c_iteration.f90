@@ -1,4 +1,4 @@
-!> Newton's iteration of a group of links in generated code, by the rules of `linkdyn_group_stride`: bounded, from where the links
+!> Newton's iteration of a group of links in generated code, by the rules of `linkdyn_newton_rules`: bounded, from where the links
 !> stood at the last call.
 module linkdyn_c_iteration
     use linkdyn_c_body, only: c_routine, write_calls, is_handed
@@ -7,7 +7,7 @@ module linkdyn_c_iteration
     use linkdyn_following, only: largest_contraction
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: n_probe
-    use linkdyn_newton_group, only: small_step, rounding_at, largest_turn, least_group_margin
+    use linkdyn_newton_rules, only: small_step, rounding_at, largest_turn, least_group_margin
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -59,7 +59,7 @@ contains
         end if
     end subroutine write_move
 
-    !> Newton's iteration of a group, by the rules of `linkdyn_group_stride`.
+    !> Newton's iteration of a group, by the rules of `linkdyn_newton_rules`.
     subroutine write_settling(name, g, group, label, place_size, extent, closing, unit)
         character(len=*), intent(in) :: name           !! what identifiers begin with
         integer, intent(in) :: g                       !! number of the group

@@ -501,12 +501,13 @@ contains
         real(wp), intent(out) :: column(:, :, :)       !! (link_freedom, n_link, n_q)
         logical, intent(out) :: are_sure
         real(wp), dimension(model%n_q, model%n_q) :: q, unit
-        real(wp) :: there(size(place, 1), size(place, 2), model%n_q)
+        real(wp) :: there(model%n_q, size(place, 1), size(place, 2)), branch(model%n_q, model%n_branch)
         integer :: g, k
 
         are_sure = .true.
-        q = spread(record%samples%q(:, 1), 2, model%n_q)
-        there = spread(place, 3, model%n_q)
+        q = spread(record%samples%q(:, 1), 1, model%n_q)
+        branch = spread(record%samples%branch(:, 1), 1, model%n_q)
+        there = spread(place, 1, model%n_q)
         unit = 0
         do k = 1, model%n_q
             unit(k, k) = 1
@@ -519,14 +520,13 @@ contains
 
         subroutine take_group(n_row)
             integer, intent(in) :: n_row
-            real(wp) :: rate(n_row, model%n_q), margin(model%n_q)
+            real(wp) :: rate(model%n_q, n_row), margin(model%n_q)
             logical :: is_sure(model%n_q)
 
             associate (link => model%group(g)%link)
-                call record%recorded%closing%make_steps(g, q, unit, record%samples%branch(:, 1:1), there, margin, is_sure, &
-                                                        rate=rate)
+                call record%recorded%closing%make_steps(g, q, unit, branch, there, margin, is_sure, rate=rate)
                 are_sure = are_sure .and. all(is_sure)
-                column(:, link, :) = reshape(rate, [size(column, 1), size(link), model%n_q])
+                column(:, link, :) = reshape(transpose(rate), [size(column, 1), size(link), model%n_q])
             end associate
         end subroutine take_group
     end subroutine find_columns

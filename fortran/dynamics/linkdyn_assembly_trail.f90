@@ -37,7 +37,7 @@ module linkdyn_assembly_trail
     implicit none (type, external)
     private
     public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, &
-        keep_lane, begin_trail, judges_like_lanes
+        keep_lane, begin_trail, judges_like_lanes, start_places
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached

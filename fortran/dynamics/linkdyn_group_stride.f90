@@ -5,21 +5,18 @@
 !> lie behind, or, where that has not led near enough, by the tangents at the last of them. What is found does not depend on
 !> where the iteration began but for rounding, as long as it is this assembly; whether it is, is judged by who asks.
 !>
-!> The rules are those of `linkdyn_newton_group`; the steps are somebody else's (`group_closer`). At a sample of which these are
-!> not sure, or which the prediction does not lead near enough to, the stride ends.
+!> Newton's method is that of `linkdyn_group_block`. At a sample of which its steps are not sure, or which the prediction does not
+!> lead near enough to, the stride ends.
 module linkdyn_group_stride
-    use linkdyn_following, only: largest_contraction
+    use linkdyn_group_block, only: group_block, prepare_block, close_block, find_drift, take_sample, tell_sample, lead_link, &
+        lay_curve, explain_steps
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: moved_place, move_in_space, spun_place, turned_axis
-    use linkdyn_model, only: model_type, group_type, place_size, link_freedom, scene_size
-    use linkdyn_newton_group, only: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, &
-        least_group_margin
+    use linkdyn_model, only: model_type, group_type, place_size, link_freedom
     implicit none (type, external)
     private
-    public :: group_stride, stride_groups, find_tangents, predict, close_from, close_places
+    public :: group_stride, stride_groups, find_tangents, predict, close_from, close_places, share_along
 
-    integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
     integer, parameter :: n_behind = 6              !! samples that a curve is laid through
 
     !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
@@ -34,6 +31,7 @@ module linkdyn_group_stride
         real(wp), allocatable :: rate_there(:, :, :)     !! (link_freedom, n_link, sample)
         real(wp), allocatable :: thread_rate_there(:, :) !! (thread, sample)
         logical, allocatable :: is_closed(:)        !! (sample)
+        logical, allocatable :: is_explained(:)     !! of strides: rates explain surely how links have come from the sample before
     end type group_stride
 
 contains
@@ -47,26 +45,33 @@ contains
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, 1)
         real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
         type(group_stride), intent(out) :: stride
-        integer :: n, block, first, last
+        type(group_block) :: block
+        integer :: n, at_once, first, last, behind(n_behind)
+        real(wp), allocatable :: weight(:, :)                  ! of samples behind (sample of a block, sample behind)
         logical :: has_threads
 
         n = ubound(at, 2)
         has_threads = any(model%group%n_thread > 0)
-        block = max(closer%samples_at_once, n_behind)
+        at_once = max(closer%samples_at_once, n_behind)
+        behind = [(-1 - (n_behind - first)*((at_once - 1)/(n_behind - 1)), first=1, n_behind)]
+        weight = weights_of(behind, at_once)
         call make_room(model, 0, n, stride)
         stride%place(:, :, 0) = start
-        call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, 0, stride)
+        call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, block, stride)
         first = 1
         do while (first <= n .and. stride%is_closed(first - 1))
-            last = min(n, first + block - 1)
+            last = min(n, first + at_once - 1)
             ! quaternions of a spinning link lie on no polynomial
-            if (first > block .and. .not. has_threads) then
-                call lead_by_curve(model, first, last, block, stride%place)
-                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
+            if (first > at_once .and. .not. has_threads) then
+                call prepare_block(model, last - first + 1, block)
+                call lay_curve(model, weight(:last - first + 1, :), &
+                               reshape(stride%place(:, :, first + behind), [n_behind, size(start, 1), size(start, 2)], &
+                                       order=[2, 3, 1]), block)
+                call close_led(model, closer, at(:, first:last), way(:, first:last), branch, first, block, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
                 call lead_by_tangents(model, closer, at, branch, first, last, stride%place)
-                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, block, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
                 if (.not. has_threads) exit
@@ -74,10 +79,38 @@ contains
                 last = first - 2 + findloc(stride%is_closed(first:last), .false., dim=1)
             end if
             if (last < first) exit
+            if (last - first + 1 == size(block%is_closed)) call explain_block()
             first = last + 1
         end do
         if (has_threads) call find_rates_there(model, closer, at, way, branch, stride)
+
+    contains
+
+        subroutine explain_block()
+            real(wp) :: back(last - first + 1)
+            integer :: s
+
+            do s = first, last
+                back(s - first + 1) = share_along(way(:, s - 1), way(:, s))
+            end do
+            associate (before => first - 1)
+                call explain_steps(model, stride%place(:, :, before), stride%rate(:, :, before), stride%margin(:, before), back, &
+                                   block, stride%is_explained(first:last))
+            end associate
+            ! others are looked at by their rates
+            call keep_rates(model, merge(last, first, all(stride%is_explained(first:last))), last, block, stride)
+        end subroutine explain_block
     end subroutine stride_groups
+
+    !> The part of a way that leads along another one.
+    pure real(wp) function share_along(way, other) result(share)
+        real(wp), intent(in) :: way(:), other(:)     !! (n_q)
+        real(wp) :: square
+
+        square = dot_product(other, other)
+        share = 0
+        if (square > 0) share = dot_product(way, other)/square
+    end function share_along
 
     !> Rates at the samples along the ways that lead to them. A screw turns by much on a short way: what a bend of the way adds to
     !> that must not be taken for something unexplained.
@@ -121,47 +154,33 @@ contains
         subroutine take_rates(group, n_thread)
             type(group_type), intent(in) :: group
             integer, intent(in) :: n_thread
-            real(wp) :: velocity(size(group%unit), n)
-            real(wp) :: turned(2*n_thread, n)
+            real(wp) :: velocity(n, size(group%unit)), turned(n, 2*n_thread)
             integer :: s
 
-            call closer%make_steps(g, at(:, 1:), way(:, :n - 1), branch, stride%place(:, :, 1:), margin, is_sure, rate=velocity, &
-                                   thread=turned)
+            call closer%make_steps(g, transpose(at(:, 1:)), transpose(way(:, :n - 1)), spread(branch(:, 1), 1, n), &
+                                   columns_of(stride%place(:, :, 1:)), margin, is_sure, rate=velocity, thread=turned)
             do s = 1, n
-                stride%rate_there(:, group%link, s) = reshape(velocity(:, s), [link_freedom(model), size(group%link)])
+                stride%rate_there(:, group%link, s) = reshape(velocity(s, :), [link_freedom(model), size(group%link)])
             end do
-            stride%thread_rate_there(before + 1:before + n_thread, 1:) = turned(n_thread + 1:, :)
+            stride%thread_rate_there(before + 1:before + n_thread, 1:) = transpose(turned(:, n_thread + 1:))
             before = before + n_thread
         end subroutine take_rates
     end subroutine find_rates_there
 
     ! ---------------------------------------------------------------- predictions
 
-    !> By the polynomial through samples of the block before.
-    pure subroutine lead_by_curve(model, first, last, block, place)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: first, last, block              !! samples, and how many of them a block has
-        real(wp), intent(inout) :: place(:, :, 0:)
-        integer :: behind(n_behind), s, g, i, j
-        real(wp) :: weight(n_behind)
+    !> Of samples behind in polynomials through them, for samples that are counted from zero.
+    pure function weights_of(behind, n) result(weight)
+        integer, intent(in) :: behind(:), n
+        real(wp) :: weight(n, size(behind))
+        integer :: s, j
 
-        behind = [(first - 1 - (n_behind - j)*((block - 1)/(n_behind - 1)), j=1, n_behind)]
-        do s = first, last
-            do j = 1, n_behind
-                weight(j) = product(real(s - behind, wp)/real(behind(j) - behind, wp), mask=behind /= behind(j))
-            end do
-            do g = 1, size(model%group)
-                do i = 1, size(model%group(g)%link)
-                    associate (l => model%group(g)%link(i))
-                        place(:, l, s) = weight(1)*place(:, l, behind(1))
-                        do j = 2, n_behind
-                            place(:, l, s) = place(:, l, s) + weight(j)*place(:, l, behind(j))
-                        end do
-                    end associate
-                end do
+        do j = 1, size(behind)
+            do s = 1, n
+                weight(s, j) = product(real(s - 1 - behind, wp)/real(behind(j) - behind, wp), mask=behind /= behind(j))
             end do
         end do
-    end subroutine lead_by_curve
+    end function weights_of
 
     !> By the rates at the last sample, one for each coordinate.
     subroutine lead_by_tangents(model, closer, at, branch, first, last, place)
@@ -203,22 +222,6 @@ contains
         end do
     end subroutine predict
 
-    !> A group's link on its way, on which it may spin about its thread.
-    pure subroutine lead_link(group, i, by, place)
-        type(group_type), intent(in) :: group
-        integer, intent(in) :: i                               !! of its links
-        real(wp), intent(in), contiguous :: by(:)
-        real(wp), intent(inout), contiguous :: place(:)
-
-        if (size(place) == 3) then
-            place = place + by
-        else if (all(group%thread_axis(:, i) == 0)) then
-            call move_in_space(place, by)
-        else
-            place = spun_place(place, by, group%thread_axis(:, i), turned_axis(place, group%thread_axis(:, i)))
-        end if
-    end subroutine lead_link
-
     !> Rates and drifts at a place, one for each coordinate.
     subroutine find_tangents(model, closer, q, branch, place, tangents)
         type(model_type), intent(in) :: model
@@ -247,13 +250,14 @@ contains
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, n, or 1 for all)
         real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
         type(group_stride), intent(inout) :: found             !! (..., n or more); as it was left, its room is used again
+        type(group_block) :: block
 
         if (allocated(found%place)) then
             if (size(found%place, 3) < size(at, 2)) found = group_stride()
         end if
         if (.not. allocated(found%place)) call make_room(model, 1, size(at, 2), found)
         found%place(:, :, :size(at, 2)) = place
-        call close_samples(model, closer, at, way, branch, 1, size(at, 2), found)
+        call close_samples(model, closer, at, way, branch, 1, block, found)
     end subroutine close_from
 
     !> Close the groups at some samples, each with branches of its own, from places near to them: nothing of a way.
@@ -265,16 +269,23 @@ contains
         real(wp), intent(inout), contiguous :: place(:, :, :)  !! (place_size, n_link, sample)
         real(wp), intent(out) :: margin(:, :)                  !! (n_group, sample)
         logical, intent(inout) :: is_closed(:)                 !! false: do not try (sample)
-        real(wp) :: at_rest(size(at, 1), size(at, 2)), rate(link_freedom(model), model%n_link, size(at, 2))
-        real(wp) :: thread(2*sum(model%group%n_thread), size(at, 2))
-        integer :: g
+        type(group_block) :: block
+        integer :: s
 
-        at_rest = 0
-        margin = 0
-        do g = 1, size(model%group)
-            if (.not. any(is_closed)) return
-            call close_group(model, g, closer, at, at_rest, branch, place, rate, margin(g, :), thread, is_closed)
+        call prepare_block(model, size(at, 2), block)
+        block%at = transpose(at)
+        block%way = 0
+        block%branch = transpose(branch)
+        block%is_closed = is_closed
+        do s = 1, size(at, 2)
+            call take_sample(model, place(:, :, s), s, block)
         end do
+        call close_block(model, closer, block)
+        do s = 1, size(at, 2)
+            call tell_sample(model, size(at, 2), size(place, 1), block%place, s, place(:, :, s))
+        end do
+        margin = transpose(block%margin)
+        is_closed = block%is_closed
     end subroutine close_places
 
     subroutine make_room(model, first, last, stride)
@@ -282,154 +293,82 @@ contains
         integer, intent(in) :: first, last                     !! samples
         type(group_stride), intent(inout) :: stride
 
-        allocate (stride%place(place_size(model), model%n_link, first:last))
+        allocate (stride%place(place_size(model), model%n_link, first:last), source=0.0_wp)
         allocate (stride%rate(link_freedom(model), model%n_link, first:last), source=0.0_wp)
         allocate (stride%margin(size(model%group), first:last), stride%drift(size(model%group), first:last))
         allocate (stride%thread(sum(model%group%n_thread), first:last), stride%thread_rate(sum(model%group%n_thread), first:last))
-        allocate (stride%is_closed(first:last), source=.false.)
+        allocate (stride%is_closed(first:last), stride%is_explained(first:last), source=.false.)
     end subroutine make_room
 
-    !> One group after the other, from the places predicted.
-    subroutine close_samples(model, closer, at, way, branch, first, last, stride)
+    !> From the places predicted, which the stride has.
+    subroutine close_samples(model, closer, at, way, branch, first, block, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
-        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of these samples (n_q, last - first + 1)
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of the samples (n_q, sample)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
-        integer, intent(in) :: first, last                     !! samples of the stride
+        integer, intent(in) :: first                           !! sample of the stride
+        type(group_block), intent(inout) :: block              !! scratch
         type(group_stride), intent(inout) :: stride
-        real(wp) :: thread(2*maxval(model%group%n_thread), size(at, 2))
-        integer :: g, n, before
+        integer :: s
 
-        before = 0
-        stride%is_closed(first:last) = .true.
-        do g = 1, size(model%group)
-            call close_group(model, g, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
-                             stride%margin(g, first:last), thread, stride%is_closed(first:last))
-            n = model%group(g)%n_thread
-            stride%thread(before + 1:before + n, first:last) = thread(:n, :)
-            stride%thread_rate(before + 1:before + n, first:last) = thread(n + 1:2*n, :)
-            before = before + n
-            if (.not. any(stride%is_closed(first:last))) return
+        call prepare_block(model, size(at, 2), block)
+        do s = 1, size(at, 2)
+            call take_sample(model, stride%place(:, :, first + s - 1), s, block)
         end do
-        call find_drift(model, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
-                        stride%margin(:, first:last), stride%drift(:, first:last), stride%is_closed(first:last))
+        call close_led(model, closer, at, way, branch, first, block, stride)
+        call keep_rates(model, first, first + size(at, 2) - 1, block, stride)
     end subroutine close_samples
 
-    !> Newton's method at some samples; what does not converge as it must is not closed.
-    subroutine close_group(model, g, closer, at, way, branch, place, rate, margin, thread, is_closed)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: g
-        class(group_closer), intent(in) :: closer
-        real(wp), intent(in), contiguous :: at(:, :), way(:, :)
-        real(wp), intent(in), contiguous :: branch(:, :)
-        real(wp), intent(inout), contiguous :: place(:, :, :)
-        real(wp), intent(inout) :: rate(:, :, :)
-        real(wp), intent(out) :: margin(:)
-        real(wp), intent(inout) :: thread(:, :)                !! angles of its threads, then their rates, and room (number, sample)
-        logical, intent(inout) :: is_closed(:)
-        real(wp) :: velocity(size(model%group(g)%unit), size(at, 2)), turned(2*model%group(g)%n_thread, size(at, 2))
-        real(wp) :: corrected(size(place, 1)*size(model%group(g)%link), size(at, 2)), extent(3, size(at, 2))
-        real(wp), dimension(size(at, 2)) :: margin_here, before, contraction
-        logical, dimension(size(at, 2)) :: is_sure, is_under_way
-        real(wp) :: noise, whole
-        integer :: step, s
-
-        whole = scene_size(model)
-        is_under_way = is_closed
-        before = huge(1.0_wp)
-        contraction = 0
-        margin = 0
-        do step = 1, most_steps
-            call closer%make_steps(g, at, way, branch, place, margin_here, is_sure, rate=velocity, thread=turned, &
-                                   corrected=corrected, extent=extent)
-            do s = 1, size(at, 2)
-                if (.not. is_under_way(s)) cycle
-                margin(s) = margin_here(s)
-                associate (largest => extent(1, s), bounded => extent(2, s), distance => extent(3, s))
-                    noise = rounding_at(distance, whole)/max(abs(margin(s)), least_group_margin)
-                    if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
-                    is_closed(s) = is_sure(s) .and. contraction(s) <= largest_contraction .and. bounded <= largest_turn
-                    is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
-                    before(s) = largest
-                end associate
-                if (.not. is_closed(s)) cycle
-                call put_links(model%group(g), corrected(:, s), place(:, :, s))
-                thread(:size(turned, 1), s) = turned(:, s)
-                if (.not. is_under_way(s)) call put_links(model%group(g), velocity(:, s), rate(:, :, s))
-            end do
-            if (.not. any(is_under_way)) return
-        end do
-        is_closed = is_closed .and. .not. is_under_way
-    end subroutine close_group
-
-    !> Numbers of a group's links, one link after the other, to where those of all links are.
-    pure subroutine put_links(group, of_group, all_links)
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: of_group(:)
-        real(wp), intent(inout) :: all_links(:, :)             !! (number, n_link)
-        integer :: i, n
-
-        n = size(all_links, 1)
-        do i = 1, size(group%link)
-            all_links(:, group%link(i)) = of_group(n*(i - 1) + 1:n*i)
-        end do
-    end subroutine put_links
-
-    !> The margins' rates along the way, from the margins a little further on, where the links' velocities lead.
-    subroutine find_drift(model, closer, at, way, branch, place, rate, margin, drift, is_closed)
+    !> From the places predicted, which the block has.
+    subroutine close_led(model, closer, at, way, branch, first, block, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
-        real(wp), intent(in), contiguous :: at(:, :), way(:, :)
-        real(wp), intent(in), contiguous :: branch(:, :)
-        real(wp), intent(in) :: place(:, :, :), rate(:, :, :)
-        real(wp), intent(in) :: margin(:, :)                   !! (n_group, sample)
-        real(wp), intent(out) :: drift(:, :)                   !! (n_group, sample)
-        logical, intent(inout) :: is_closed(:)
-        real(wp) :: ahead(size(place, 1), size(place, 2), size(place, 3)), q(size(at, 1), size(at, 2))
-        real(wp), dimension(size(at, 2)) :: margin_ahead, step
-        logical :: is_sure(size(at, 2))
-        real(wp) :: extent, speed
-        integer :: s, g, i
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of the samples (n_q, sample)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
+        integer, intent(in) :: first                           !! sample of the stride
+        type(group_block), intent(inout) :: block
+        type(group_stride), intent(inout) :: stride
+        integer :: s
 
-        extent = scene_size(model)
         do s = 1, size(at, 2)
-            step(s) = huge(1.0_wp)
-            do g = 1, size(model%group)
-                speed = speed_of(model, model%group(g), extent, rate(:, :, s))
-                if (speed > 0) step(s) = min(step(s), step_ahead(margin(g, s), speed))
-            end do
-            if (.not. step(s) < huge(1.0_wp)) step(s) = 0     ! nothing moves
-            q(:, s) = at(:, s) + step(s)*way(:, s)
-            do g = 1, size(model%group)
-                do i = 1, size(model%group(g)%link)
-                    associate (l => model%group(g)%link(i))
-                        ahead(:, l, s) = moved_place(place(:, l, s), step(s)*rate(:, l, s))
-                    end associate
-                end do
-            end do
+            block%at(s, :) = at(:, s)
+            block%way(s, :) = way(:, s)
+            block%branch(s, :) = branch(:, min(s, size(branch, 2)))
         end do
-        do g = 1, size(model%group)
-            call closer%make_steps(g, q, way, branch, ahead, margin_ahead, is_sure)
-            is_closed = is_closed .and. is_sure
-            drift(g, :) = merge((margin_ahead - margin(g, :))/max(step, tiny(1.0_wp)), 0.0_wp, step > 0)
-        end do
-    end subroutine find_drift
-
-    ! ---------------------------------------------------------------- one sample
-
-    !> The largest rate of a group's links, lengths by the mechanism's size.
-    pure real(wp) function speed_of(model, group, extent, rate) result(speed)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: extent
-        real(wp), intent(in) :: rate(:, :)
-        integer :: i
-
-        speed = 0
-        do i = 1, size(group%link)
-            associate (of_link => rate(:, group%link(i)), n => n_shift(model))
-                speed = max(speed, sqrt(sum(of_link(:n)**2))/extent, sqrt(sum(of_link(n + 1:)**2)))
+        block%is_closed = .true.
+        call close_block(model, closer, block)
+        if (any(block%is_closed)) call find_drift(model, closer, block)
+        do s = 1, size(at, 2)
+            associate (k => first + s - 1)
+                stride%is_closed(k) = block%is_closed(s)
+                call tell_sample(model, size(at, 2), size(stride%place, 1), block%place, s, stride%place(:, :, k))
+                stride%margin(:, k) = block%margin(s, :)
+                stride%drift(:, k) = block%drift(s, :)
+                stride%thread(:, k) = block%thread(s, :)
+                stride%thread_rate(:, k) = block%thread_rate(s, :)
             end associate
         end do
-    end function speed_of
+    end subroutine close_led
+
+    !> The block's last rates, for whoever asks.
+    subroutine keep_rates(model, first, last, block, stride)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, last                     !! samples of the stride, of which the last is the block's
+        type(group_block), intent(in) :: block
+        type(group_stride), intent(inout) :: stride
+        integer :: s, n
+
+        n = size(block%is_closed)
+        do s = first, last
+            call tell_sample(model, n, size(stride%rate, 1), block%rate, n - last + s, stride%rate(:, :, s))
+        end do
+    end subroutine keep_rates
+
+    !> Samples side by side.
+    pure function columns_of(x) result(columns)
+        real(wp), intent(in) :: x(:, :, :)                     !! (..., sample)
+        real(wp) :: columns(size(x, 3), size(x, 1), size(x, 2))
+
+        columns = reshape(x, shape(columns), order=[2, 3, 1])
+    end function columns_of
 end module linkdyn_group_stride

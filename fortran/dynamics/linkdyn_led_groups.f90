@@ -5,8 +5,8 @@
 !> where links spin about threads, whose whole turns no margin tells.
 module linkdyn_led_groups
     use linkdyn_following, only: follower, footing, way_report, follow_way, way_arrived
+    use linkdyn_group_block, only: group_block, prepare_block, take_sample, tell_sample, lead_links, close_block, find_drift
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, close_from, predict
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -15,17 +15,16 @@ module linkdyn_led_groups
     public :: lead_places
 
     integer, parameter :: spare_tries = 30           !! of a way, beside those for its strides
+    integer, parameter :: haste = 4                  !! likewise, where lanes go the ways that are not smooth
 
     type, extends(follower) :: led_groups
         type(model_type), pointer :: model => null()
         class(group_closer), pointer :: closer => null()
         integer, allocatable :: lane(:)              !! that has a way (way)
-        real(wp), allocatable :: from(:, :)          !! coordinates (n_q, way)
-        real(wp), allocatable :: way(:, :)           !! likewise, to its end
-        real(wp), allocatable :: branch(:, :)        !! of the closed forms (n_branch, way)
-        real(wp), allocatable :: place(:, :, :)      !! of the links there (place_size, n_link, way)
-        real(wp), allocatable :: rate(:, :, :)       !! per whole way (link_freedom, n_link, way)
-        type(group_stride) :: tried
+        real(wp), allocatable :: from(:, :), to(:, :)    !! coordinates (way, n_q)
+        real(wp), allocatable :: rate(:, :, :)       !! per whole way, where it stands (way, link_freedom, n_link)
+        logical, allocatable :: takes(:)             !! scratch (way)
+        type(group_block) :: tried                   !! `from`: places where it stands
     contains
         procedure :: try => try_on_way
         procedure :: take => take_on_way
@@ -34,7 +33,7 @@ module linkdyn_led_groups
 contains
 
     !> Lead the groups of the lanes that go; a lane arrives only if every step could be believed.
-    subroutine lead_places(model, closer, goes, from, to, branch, place, margin, arrives)
+    subroutine lead_places(model, closer, goes, from, to, branch, place, margin, arrives, longest, least)
         type(model_type), intent(in), target :: model
         class(group_closer), intent(in), target :: closer
         logical, intent(in) :: goes(:)                         !! (lane)
@@ -44,9 +43,12 @@ contains
                                                                !! (place_size, n_link, lane)
         real(wp), intent(inout) :: margin(:, :)                !! there (n_group, lane)
         logical, intent(out) :: arrives(:)                     !! (lane)
-        real(wp), parameter :: longest(lanes) = 0.5_wp         !! step: the whole way has been tried
+        real(wp), intent(in), optional :: longest(lanes)       !! step, part of a way that is tried in haste; absent: half, and the
+                                                               !! whole way has been tried
+        real(wp), intent(inout), optional :: least(:, :)       !! smallest size of a margin, of a lane that arrives (n_group, lane)
         type(led_groups) :: led
         type(way_report) :: report
+        real(wp) :: longest_here(lanes)
         logical :: has_way(lanes)
         integer :: i
 
@@ -55,20 +57,32 @@ contains
         led%model => model
         led%closer => closer
         led%lane = pack([(i, i=1, size(goes))], goes)
-        led%from = from(:, led%lane)
-        led%way = to(:, led%lane) - led%from
-        led%branch = branch(:, led%lane)
-        led%place = place(:, :, led%lane)
+        led%from = transpose(from(:, led%lane))
+        led%to = transpose(to(:, led%lane))
         led%least_margin = model%least_margin(model%n_branch + 1:model%n_branch + size(model%group))
+        associate (tried => led%tried)
+            call prepare_block(model, size(led%lane), tried)
+            tried%way = led%to - led%from
+            tried%branch = transpose(branch(:, led%lane))
+            do i = 1, size(led%lane)
+                call take_sample(model, place(:, :, led%lane(i)), i, tried)
+            end do
+            tried%from = tried%place
+            led%rate = 0*tried%rate
+            allocate (led%takes(size(led%lane)))
+        end associate
         has_way = .false.
         has_way(led%lane) = .true.
-        call follow_way(led, has_way, longest, .false., spare_tries, report)
+        longest_here = 0.5_wp
+        if (present(longest)) longest_here = longest
+        call follow_way(led, has_way, longest_here, .false., merge(haste, spare_tries, present(longest)), report)
         do i = 1, size(led%lane)
             associate (lane => led%lane(i))
                 arrives(lane) = report%outcome(lane) == way_arrived
                 if (.not. arrives(lane)) cycle
-                place(:, :, lane) = led%place(:, :, i)
-                margin(:, lane) = led%tried%margin(:, i)
+                call tell_sample(model, size(led%lane), size(place, 1), led%tried%from, i, place(:, :, lane))
+                margin(:, lane) = led%tried%margin(i, :)
+                if (present(least)) least(:, lane) = report%least(lane, :)
             end associate
         end do
     end subroutine lead_places
@@ -80,41 +94,54 @@ contains
         real(wp), intent(in) :: part(lanes), lead(lanes)
         logical, intent(in) :: is_crossing(:, :)
         type(footing), intent(inout) :: found
-        real(wp) :: ahead(size(self%place, 1), size(self%place, 2), size(self%lane)), q(size(self%way, 1), size(self%lane))
-        integer :: i
+        integer :: i, k
 
-        ahead = self%place
-        do i = 1, size(self%lane)
-            associate (lane => self%lane(i))
-                q(:, i) = self%from(:, i) + part(lane)*self%way(:, i)
-                if (allocated(self%rate)) &
-                    call predict(self%model, self%rate(:, :, i:i), [lead(lane)], ahead(:, :, i))
-            end associate
-        end do
-        call close_from(self%model, self%closer, q, self%way, self%branch, ahead, self%tried)
-        found%is_closed = .true.
-        found%margin = 1
-        found%drift = 0
-        do i = 1, size(self%lane)
-            associate (lane => self%lane(i))
-                found%is_closed(lane) = self%tried%is_closed(i) .and. .not. any(is_crossing(lane, :))
-                found%margin(lane, :) = self%tried%margin(:, i)
-                found%drift(lane, :) = self%tried%drift(:, i)
-            end associate
-        end do
+        associate (tried => self%tried, lane => self%lane)
+            do k = 1, size(tried%way, 2)
+                tried%at(:, k) = merge(self%to(:, k), self%from(:, k) + part(lane)*tried%way(:, k), part(lane) >= 1)
+            end do
+            do i = 1, size(self%model%group)
+                associate (link => self%model%group(i)%link)
+                    do k = 1, size(self%rate, 2)
+                        tried%shift(:, k, link) = spread(lead(lane), 2, size(link))*self%rate(:, k, link)
+                    end do
+                end associate
+            end do
+            call lead_links(self%model, tried)
+            tried%is_closed = goes(lane)
+            call close_block(self%model, self%closer, tried)
+            if (any(tried%is_closed)) call find_drift(self%model, self%closer, tried)
+            found%is_closed = .true.
+            found%margin = 1
+            found%drift = 0
+            do i = 1, size(lane)
+                found%is_closed(lane(i)) = tried%is_closed(i) .and. .not. any(is_crossing(lane(i), :))
+                found%margin(lane(i), :) = tried%margin(i, :)
+                found%drift(lane(i), :) = tried%drift(i, :)
+            end do
+        end associate
     end subroutine try_on_way
 
     !> Where the mechanism was tried it stands from now on, with its rates there.
     subroutine take_on_way(self, is_taken)
         class(led_groups), intent(inout) :: self
         logical, intent(in) :: is_taken(lanes)
-        integer :: i
+        integer :: g, i, k
 
-        if (.not. allocated(self%rate)) allocate (self%rate, mold=self%tried%rate)
-        do i = 1, size(self%lane)
-            if (.not. is_taken(self%lane(i))) cycle
-            self%place(:, :, i) = self%tried%place(:, :, i)
-            self%rate(:, :, i) = self%tried%rate(:, :, i)
-        end do
+        self%takes = is_taken(self%lane)
+        associate (tried => self%tried)
+            do g = 1, size(self%model%group)
+                do i = 1, size(self%model%group(g)%link)
+                    associate (l => self%model%group(g)%link(i))
+                        do k = 1, size(tried%place, 2)
+                            where (self%takes) tried%from(:, k, l) = tried%place(:, k, l)
+                        end do
+                        do k = 1, size(tried%rate, 2)
+                            where (self%takes) self%rate(:, k, l) = tried%rate(:, k, l)
+                        end do
+                    end associate
+                end do
+            end do
+        end associate
     end subroutine take_on_way
 end module linkdyn_led_groups

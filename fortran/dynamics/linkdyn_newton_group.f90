@@ -22,6 +22,7 @@ module linkdyn_newton_group
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
+    use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
     use linkdyn_scene, only: joint_revolute
@@ -31,17 +32,9 @@ module linkdyn_newton_group
     use linkdyn_whole_turns, only: nearest_turns, least_angle
     implicit none (type, external)
     private
-    public :: prepare_margins, close_group, shifted
-    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
+    public :: prepare_margins, close_group, shifted, n_shift
 
     integer, parameter :: most_steps = 30
-    ! Newton's method squares the error: after a correction below this, the next error is below rounding.
-    real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
-    real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
-    real(wp), parameter :: rounding = 16*epsilon(1.0_wp)    !! of a constraint
-    !> Below this a margin is not told from zero: rounding e leaves places uncertain by e/margin, and their tangents by
-    !> e/margin^2, which must stay small where two assemblies cross.
-    real(wp), parameter :: least_group_margin = 10*untrusted
 
 contains
 
@@ -251,7 +244,8 @@ contains
         is_recorded = .false.
         has_no_pivot = .false.
         if (state%group%is_led .and. associated(state%group%closer)) then
-            call make_step_by_record(model, g, state, state%q, state%group%place, correction, rate, margin, is_recorded)
+            call state%group%closer%make_steps(g, state%q, state%qd, state%branch, state%group%place, margin, is_recorded, &
+                                               correction, rate, only_leads=.true.)
             is_recorded = is_recorded .or. state%group%is_idle
         end if
         if (all(is_recorded)) return
@@ -288,14 +282,6 @@ contains
         end do
     end subroutine move_links
 
-    !> Is a correction so small that none need follow?
-    elemental logical function is_small(largest, noise)
-        real(wp), intent(in) :: largest
-        real(wp), intent(in) :: noise        !! what rounding alone makes of it
-
-        is_small = largest <= max(small_step, noise)
-    end function is_small
-
     !> The correction that rounding of the constraints makes at a margin of one.
     pure function rounding_of(model, group, place) result(noise)
         type(model_type), intent(in) :: model
@@ -310,23 +296,6 @@ contains
         end do
         noise = rounding_at(noise, scene_size(model))
     end function rounding_of
-
-    !> The same at a distance from the world's origin.
-    elemental real(wp) function rounding_at(distance, scene_size) result(noise)
-        real(wp), intent(in) :: distance     !! of the group's links, the largest, or the mechanism's size
-        real(wp), intent(in) :: scene_size
-
-        noise = rounding*distance/scene_size
-    end function rounding_at
-
-    !> Two corrections, one after the other, tell whether the place predicted was near enough.
-    elemental subroutine watch_contraction(before, largest, noise, contraction)
-        real(wp), intent(in) :: before, largest, noise
-        real(wp), intent(inout) :: contraction
-
-        if (is_small(before, noise) .or. is_small(largest, noise)) return
-        contraction = max(contraction, largest/before)
-    end subroutine watch_contraction
 
     ! ---------------------------------------------------------------- margin
 
@@ -383,15 +352,6 @@ contains
         drift = merge((ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
     end subroutine measure_drift
 
-    !> How far to look ahead for a margin's rate: a small part of the distance to where it may vanish at the nearest.
-    elemental real(wp) function step_ahead(margin, speed) result(step)
-        real(wp), intent(in) :: margin
-        real(wp), intent(in) :: speed                    !! of the group's links along the way
-        real(wp), parameter :: part = 1.0e-3_wp, longest = 1.0e-4_wp
-
-        step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
-    end function step_ahead
-
     !> The margin a little further on, where a record is sure of it.
     subroutine look_ahead_by_record(model, g, step, state, ahead, is_recorded)
         type(model_type), intent(in) :: model
@@ -400,7 +360,6 @@ contains
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: ahead(lanes)
         logical, intent(out) :: is_recorded(lanes)
-        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate
         real(wp) :: place(lanes, size(state%group%place, 2), model%n_link)
         integer :: i, h
 
@@ -415,40 +374,9 @@ contains
                 end associate
             end do
         end do
-        call make_step_by_record(model, g, state, state%q + spread(step, 2, model%n_q)*state%qd, place, correction, rate, ahead, &
-                                 is_recorded)
+        call state%group%closer%make_steps(g, state%q + spread(step, 2, model%n_q)*state%qd, state%qd, state%branch, place, ahead, &
+                                           is_recorded, only_leads=.true.)
     end subroutine look_ahead_by_record
-
-    !> One step on all lanes, by the state's closer.
-    subroutine make_step_by_record(model, g, state, q, place, correction, rate, margin, is_sure)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: g
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: q(:, :)                          !! (lane, n_q)
-        real(wp), intent(in) :: place(:, :, :)                   !! (lane, place_size, n_link)
-        real(wp), intent(out) :: correction(:, :), rate(:, :)    !! (lane, row)
-        real(wp), intent(out) :: margin(lanes)
-        logical, intent(out) :: is_sure(lanes)
-        real(wp) :: stand(size(place, 2), size(place, 3), lanes), q_row(size(q, 2), lanes), qd_row(size(q, 2), lanes)
-        real(wp), dimension(size(correction, 2), lanes) :: correction_row, rate_row
-        integer :: h, i, k
-
-        do h = 1, g
-            do i = 1, size(model%group(h)%link)
-                associate (l => model%group(h)%link(i))
-                    do k = 1, size(place, 2)
-                        stand(k, l, :) = place(:, k, l)
-                    end do
-                end associate
-            end do
-        end do
-        q_row = transpose(q)
-        qd_row = transpose(state%qd)
-        call state%group%closer%make_steps(g, q_row, qd_row, transpose(state%branch), stand, margin, is_sure, correction_row, &
-                                           rate_row, only_leads=.true.)
-        correction = transpose(correction_row)
-        rate = transpose(rate_row)
-    end subroutine make_step_by_record
 
     !> What rounding leaves of the group's motion. Lengths are parts of the mechanism's size, so its links turn on a radius of
     !> about one.

@@ -9,15 +9,18 @@
 !> pose: who comes back to where somebody has been finds what he would find without, and sooner.
 module linkdyn_settled_samples
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
+    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane, start_places
     use linkdyn_constants, only: pi
+    use linkdyn_group_block, only: group_block, prepare_block, set_out, lead_links, close_block, find_drift, explain_shifts, &
+        tell_sample
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, find_tangents, predict, close_from
+    use linkdyn_group_stride, only: group_stride, find_tangents
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: lead_from_start
+    use linkdyn_led_groups, only: lead_places
+    use linkdyn_led_mechanism, only: lead_from_start, is_way_short
     use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_mix, only: counter_bits
     use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
@@ -38,6 +41,7 @@ module linkdyn_settled_samples
         integer, allocatable :: of(:)                !! the node of each sample; 0: none (sample)
         real(wp), allocatable :: least(:, :)         !! sizes of the margins on the way there (n_group, n)
         type(sample_assembly) :: found               !! at the nodes
+        type(group_stride) :: start                  !! tangents at the start
         type(group_stride), allocatable :: tangents(:)    !! there (n)
     end type node_list
 
@@ -54,7 +58,7 @@ module linkdyn_settled_samples
         type(settled_node), allocatable, private :: at(:)
     end type known_nodes
 
-    real(wp), parameter :: part_of_stride(2) = [0.5_wp, 0.1_wp]    !! how far nodes are apart
+    real(wp), parameter :: part_of_stride(3) = [1.0_wp, 0.5_wp, 0.1_wp]    !! how far nodes are apart
 
 contains
 
@@ -84,7 +88,7 @@ contains
                                         known)
             end do
         else if (present(known)) then
-            call settle_about_nodes(model, threads, q, part_of_stride(1), 1, steps, assembly, is_promising, is_settled, known)
+            call settle_about_nodes(model, threads, q, part_of_stride(2), 1, steps, assembly, is_promising, is_settled, known)
         end if
         call lead_to(model, threads, q, numbers_of(.not. is_settled), steps, assembly, least)
     end subroutine settle_samples
@@ -110,8 +114,8 @@ contains
         logical, intent(inout) :: is_promising(:), is_settled(:)    !! (n)
         type(known_nodes), intent(inout), optional :: known
         type(node_list) :: node
-        integer, allocatable :: which(:)
-        logical, allocatable :: is_now(:)
+        integer, allocatable :: which(:), ready(:)
+        logical, allocatable :: serves(:), is_now(:)
         integer :: i
 
         which = numbers_of(is_promising)
@@ -119,18 +123,26 @@ contains
         call find_nodes(model, q, which, part, min(size(which)/worth, most_nodes(model)), node)
         if (node%n == 0) return
         call need_nodes(model, threads, closer, node, known)
-        allocate (is_now(size(which)), source=.false.)
-        !$omp parallel num_threads(team_size(threads, size(which)/closer%samples_at_once)) default(shared)
-        call settle_blocks(model, q, which, closer, node, assembly, is_now)
+        call find_tangents(model, closer, model%start_q, reshape(model%branch, [model%n_branch, 1]), start_places(model), &
+                           node%start)
+        serves = [.false., (is_settled_node(node, i), i=1, node%n)]
+        ready = pack(which, serves(node%of(which) + 1))
+        allocate (is_now(size(ready)), source=.false.)
+        !$omp parallel num_threads(team_size(threads, size(ready)/closer%samples_at_once)) default(shared)
+        call settle_blocks(model, q, ready, closer, node, assembly, is_now)
         !$omp end parallel
-        is_settled(which) = is_now
-        do i = 1, size(which)
-            associate (k => node%of(which(i)))
-                is_promising(which(i)) = .false.
-                if (k > 0) is_promising(which(i)) = .not. is_now(i) .and. node%found%status(k) == sample_ok
-            end associate
-        end do
+        is_settled(ready) = is_now
+        serves = [.false., node%found%status == sample_ok]
+        is_promising(which) = serves(node%of(which) + 1) .and. .not. is_settled(which)
     end subroutine settle_about_nodes
+
+    pure logical function is_settled_node(node, k)
+        type(node_list), intent(in) :: node
+        integer, intent(in) :: k
+
+        is_settled_node = node%found%status(k) == sample_ok
+        if (is_settled_node) is_settled_node = all(node%tangents(k)%is_closed)
+    end function is_settled_node
 
     ! ---------------------------------------------------------------- nodes
 
@@ -141,7 +153,7 @@ contains
         class(group_closer), pointer, intent(in) :: closer
         type(node_list), intent(inout) :: node
         type(known_nodes), intent(inout), optional :: known
-        integer, parameter :: most_known = 1024
+        integer, parameter :: most_known = 4096
         logical :: is_known(node%n)
 
         call make_room(model, node%n, node%found)
@@ -227,7 +239,7 @@ contains
         table = 0
         node%of = 0
         do i = 1, size(which)
-            from_start = way_from_start(model, node%repeats, q(:, which(i)))
+            call find_way(model, node%repeats, q(:, which(i)), from_start)
             if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
             ! To an angle of so many turns rounding leaves no way: lanes say so.
             if (any(node%repeats .and. has_vague_turn(q(:, which(i))))) cycle
@@ -254,15 +266,15 @@ contains
     end subroutine find_nodes
 
     !> Along which the mechanism is led: by the shortest of the ways that differ by full turns of angles.
-    pure function way_from_start(model, repeats, q) result(way)
+    pure subroutine find_way(model, repeats, q, way)
         type(model_type), intent(in) :: model
         logical, intent(in) :: repeats(:)
         real(wp), intent(in) :: q(:)
-        real(wp) :: way(size(q))
+        real(wp), intent(out) :: way(:)
 
         way = q - model%start_q
         where (repeats) way = least_angle(way)
-    end function way_from_start
+    end subroutine find_way
 
     !> Where a cell is in a table of so many places, counted from one.
     pure integer function place_of(cell, n) result(place)
@@ -310,7 +322,7 @@ contains
         type(node_list), intent(in) :: node
         type(sample_assembly), intent(inout) :: assembly    !! of all threads
         logical, intent(inout) :: is_settled(:)      !! (size(which))
-        type(group_stride) :: found
+        type(group_block) :: block
         integer :: i, at_once
 
         at_once = closer%samples_at_once
@@ -318,14 +330,14 @@ contains
         do i = 1, size(which), at_once
             associate (last => min(size(which), i + at_once - 1))
                 if (.not. is_interrupted()) &
-                    call settle_block(model, q, which(i:last), closer, node, assembly, is_settled(i:last), found)
+                    call settle_block(model, q, which(i:last), closer, node, assembly, is_settled(i:last), block)
             end associate
         end do
         !$omp end do
     end subroutine settle_blocks
 
     !> Close some samples from their nodes, and settle those for which that may be believed.
-    subroutine settle_block(model, q, which, closer, node, assembly, is_settled, found)
+    subroutine settle_block(model, q, which, closer, node, assembly, is_settled, block)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         integer, intent(in) :: which(:)              !! the samples' numbers
@@ -333,93 +345,119 @@ contains
         type(node_list), intent(in) :: node
         type(sample_assembly), intent(inout) :: assembly
         logical, intent(inout) :: is_settled(:)      !! (size(which))
-        type(group_stride), intent(inout) :: found   !! scratch with room for as many samples as closer takes at once
-        real(wp), dimension(size(q, 1), size(which)) :: at, way
-        real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), size(which))
-        real(wp) :: extent
-        integer :: i, n, of(size(which))
+        type(group_block), intent(inout) :: block    !! scratch
+        real(wp) :: way(size(q, 1))
+        real(wp), dimension(size(which), size(q, 1)) :: along, across
+        real(wp) :: margin(size(which), size(model%group))     ! at the nodes
+        logical :: is_explained(size(which))
+        integer :: i
 
-        n = 0
+        call prepare_block(model, size(which), block)
         do i = 1, size(which)
-            associate (k => node%of(which(i)))
-                if (k == 0) cycle
-                if (node%found%status(k) /= sample_ok) cycle
-                if (.not. all(node%tangents(k)%is_closed)) cycle
-                n = n + 1
-                of(n) = i
-                at(:, n) = q(:, which(i))
-                way(:, n) = way_from_start(model, node%repeats, at(:, n)) - (node%q(:, k) - model%start_q)
-                place(:, :, n) = node%found%place(:, :, k)
-                call predict(model, node%tangents(k)%rate, way(:, n), place(:, :, n))
+            associate (sample => which(i), k => node%of(which(i)))
+                call find_way(model, node%repeats, q(:, sample), way)
+                block%at(i, :) = q(:, sample)
+                along(i, :) = node%q(:, k) - model%start_q
+                block%way(i, :) = way - along(i, :)
+                block%branch(i, :) = model%branch(:model%n_branch)
+                call set_out(model, i, node%found%place(:, :, k), node%tangents(k)%rate, block)
+                margin(i, :) = node%tangents(k)%margin(:, 1)
             end associate
         end do
-        if (n == 0) return
-        call close_from(model, closer, at(:, :n), way(:, :n), reshape(model%branch, [model%n_branch, 1]), place(:, :, :n), found)
-        extent = scene_size(model)
-        do i = 1, n
-            associate (s => which(of(i)), k => node%of(which(of(i))))
-                if (.not. is_like_led(model, extent, node, k, way(:, i), found, i)) cycle
-                assembly%q(:, s) = at(:, i)
-                assembly%place(:, :, s) = found%place(:, :, i)
-                assembly%margin(:, s) = found%margin(:, i)
-                is_settled(of(i)) = .true.
+        call lead_links(model, block)
+        block%is_closed = .true.
+        call close_block(model, closer, block)
+        if (.not. any(block%is_closed)) return
+        call find_drift(model, closer, block)
+        call explain_shifts(model, margin, block, is_explained)
+        call find_across(along, block%way, model%stride, across)
+        do i = 1, size(which)
+            associate (sample => which(i), k => node%of(which(i)))
+                if (.not. block%is_closed(i)) cycle
+                if (.not. keeps_margins(model, node%start, node%tangents(k), node%least(:, k), across(i, :), block, i)) cycle
+                if (.not. is_explained(i)) is_explained(i) = is_close_to_node(model, node, k, block, i)
+                if (.not. is_explained(i)) cycle
+                assembly%q(:, sample) = block%at(i, :)
+                call tell_sample(model, size(which), size(block%place, 2), block%place, i, assembly%place(:, :, sample))
+                assembly%margin(:, sample) = block%margin(i, :)
+                is_settled(i) = .true.
             end associate
         end do
     end subroutine settle_block
 
-    !> Is what was found from a node where a straight way from the start leads?
+    !> Can what was found from a node be but where a straight way from the start leads, as far as margins and threads tell?
     !>
     !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as far as the step
-    !> leads across it, at most. There a margin differs by about what it changes by across.
-    pure logical function is_like_led(model, extent, node, k, way, found, i) result(is_like)
+    !> leads across it, at most. There a margin differs by about what it changes by across, unless the way leads through a narrow place:
+    !> what changes there nobody has asked.
+    pure logical function keeps_margins(model, start, tangents, least, across, found, i) result(keeps)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: extent               !! the mechanism's size
-        type(node_list), intent(in) :: node
-        integer, intent(in) :: k                     !! the node
-        real(wp), intent(in) :: way(:)               !! from there
-        type(group_stride), intent(in) :: found
+        type(group_stride), intent(in) :: start, tangents    !! at the start and at the node
+        real(wp), intent(in) :: least(:)             !! sizes of the margins on the way there (n_group)
+        real(wp), intent(in) :: across(:)            !! of the way from there (n_q)
+        type(group_block), intent(in) :: found
         integer, intent(in) :: i                     !! the sample in it
         real(wp), parameter :: many = 4              !! times that change, and nothing is left to vanish
-        real(wp) :: rate(size(found%rate, 1), size(found%rate, 2)), across(size(way))
-        real(wp), dimension(size(found%margin, 1)) :: drift, change
-        real(wp) :: turned(size(found%thread, 1))
-        integer :: j
+        real(wp), parameter :: wide = 0.8_wp         !! of the margins at both ends is left all along
+        real(wp) :: drift, change, turned
+        integer :: g, j
 
-        is_like = found%is_closed(i)
-        if (.not. is_like) return
-        across = part_across(node%q(:, k) - model%start_q, way, model%stride)
-        associate (tangents => node%tangents(k), margin => node%tangents(k)%margin(:, 1))
-            rate = 0
+        keeps = .true.
+        do g = 1, size(least)
             drift = 0
             change = 0
-            turned = 0
-            do j = 1, size(way)
-                rate = rate + way(j)*tangents%rate(:, :, j)
-                drift = drift + way(j)*tangents%drift(:, j)
-                change = change + abs(across(j)*tangents%drift(:, j))
-                turned = turned + way(j)*tangents%thread_rate(:, j)
+            do j = 1, size(across)
+                drift = drift + found%way(i, j)*tangents%drift(g, j)
+                change = change + abs(across(j)*tangents%drift(g, j))
             end do
-            is_like = is_step_believed(model%least_margin(model%n_branch + 1:), margin, drift, found%margin(:, i), &
-                                       found%drift(:, i)) &
-                      .and. all(many*change <= node%least(:, k)) &
-                      .and. is_turn_kept(tangents%thread(:, 1), found%thread(:, i), (turned + found%thread_rate(:, i))/2)
-            if (.not. is_like) return
-            is_like = is_close(model, extent, node%found%place(:, :, k), found%place(:, :, i), &
-                               (rate + found%rate(:, :, i))/2, min(abs(margin), abs(found%margin(:, i))))
-        end associate
-    end function is_like_led
+            keeps = least(g) >= wide*min(abs(start%margin(g, 1)), abs(tangents%margin(g, 1))) .and. &
+                    many*change <= least(g) .and. &
+                    is_step_believed(model%least_margin(model%n_branch + g), tangents%margin(g, 1), drift, found%margin(i, g), &
+                                     found%drift(i, g))
+            if (.not. keeps) return
+        end do
+        do g = 1, size(found%thread, 2)
+            turned = found%thread_rate(i, g)
+            do j = 1, size(across)
+                turned = turned + found%way(i, j)*tangents%thread_rate(g, j)
+            end do
+            keeps = is_turn_kept(tangents%thread(g, 1), found%thread(i, g), turned/2)
+            if (.not. keeps) return
+        end do
+    end function keeps_margins
 
-    !> The part of a way that is square to another one, in units of the coordinates. Rounding is no part of it.
-    pure function part_across(along, way, unit) result(across)
-        real(wp), intent(in) :: along(:), way(:), unit(:)    !! (n_q)
-        real(wp) :: across(size(way))
-        real(wp) :: square
+    !> Are the links of a sample where the tangents at its node and its own rates explain that they have come from there?
+    pure logical function is_close_to_node(model, node, k, found, i) result(is_like)
+        type(model_type), intent(in) :: model
+        type(node_list), intent(in) :: node
+        integer, intent(in) :: k                     !! the node
+        type(group_block), intent(in) :: found       !! with what explains it in `shift`
+        integer, intent(in) :: i                     !! the sample in it
 
-        across = way
-        square = sum((along/unit)**2)
-        if (square > 0) across = way - along*(sum((along/unit)*(way/unit))/square)
-        where (abs(across) <= 16*epsilon(1.0_wp)*(abs(along) + abs(way))) across = 0
-    end function part_across
+        is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(i, :, :), found%shift(i, :, :), &
+                           min(abs(node%tangents(k)%margin(:, 1)), abs(found%margin(i, :))))
+    end function is_close_to_node
+
+    !> The parts of ways that are square to others, in units of the coordinates. Rounding is no part of them.
+    pure subroutine find_across(along, way, unit, across)
+        real(wp), intent(in) :: along(:, :), way(:, :)    !! (sample, n_q)
+        real(wp), intent(in) :: unit(:)                   !! (n_q)
+        real(wp), intent(out) :: across(:, :)
+        real(wp), dimension(size(way, 1)) :: square, share
+        integer :: k
+
+        square = 0
+        share = 0
+        do k = 1, size(unit)
+            square = square + (along(:, k)/unit(k))**2
+            share = share + (along(:, k)/unit(k))*(way(:, k)/unit(k))
+        end do
+        share = merge(share/max(square, tiny(1.0_wp)), 0.0_wp, square > 0)
+        do k = 1, size(unit)
+            across(:, k) = way(:, k) - along(:, k)*share
+            where (abs(across(:, k)) <= 16*epsilon(1.0_wp)*(abs(along(:, k)) + abs(way(:, k)))) across(:, k) = 0
+        end do
+    end subroutine find_across
 
     ! ---------------------------------------------------------------- by lanes
 
@@ -432,15 +470,77 @@ contains
         class(group_closer), pointer, intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly
         real(wp), allocatable, intent(out) :: least(:, :)    !! sizes of the margins on the ways there (n_group, n)
-        integer :: n_block
+        logical :: arrives(size(q, 2))
+        integer, allocatable :: left(:)
 
-        n_block = (size(which) + lanes - 1)/lanes
         allocate (least(size(model%group), size(q, 2)))
-        if (n_block == 0) return
-        !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
-        call lead_blocks(model, n_block, q, which, closer, assembly, least)
-        !$omp end parallel
+        if (size(which) == 0) return
+        arrives = .false.
+        ! closed forms may be out of reach on the way, which lanes see
+        if (associated(closer) .and. model%n_branch == 0) then
+            !$omp parallel num_threads(team_size(threads, size(which)/lanes)) default(shared)
+            call lead_by_steps(model, q, which, closer, assembly, least, arrives)
+            !$omp end parallel
+        end if
+        left = pack(which, .not. arrives(which))
+        if (size(left) == 0) return
+        associate (n_block => (size(left) + lanes - 1)/lanes)
+            !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
+            call lead_blocks(model, n_block, q, left, closer, assembly, least)
+            !$omp end parallel
+        end associate
     end subroutine lead_to
+
+    !> Those blocks of samples that this thread takes, by somebody else's steps alone. Where these do not lead lanes find out more.
+    subroutine lead_by_steps(model, q, which, closer, assembly, least, arrives)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)
+        integer, intent(in) :: which(:)
+        class(group_closer), intent(in) :: closer
+        type(sample_assembly), intent(inout) :: assembly    !! of all threads
+        real(wp), intent(inout) :: least(:, :)
+        logical, intent(inout) :: arrives(:)         !! (n)
+        real(wp) :: way(model%n_q), from(model%n_q, lanes), to(model%n_q, lanes)
+        real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), lanes)
+        real(wp), dimension(size(model%group), lanes) :: margin, least_here
+        real(wp) :: longest(lanes)                   ! steps
+        logical :: repeats_here(model%n_q), goes(lanes), has_arrived(lanes)
+        integer :: first, n, lane, k
+
+        repeats_here = [(repeats(model, k), k=1, model%n_q)]
+        !$omp do schedule(dynamic)
+        do first = 1, size(which), lanes
+            if (is_interrupted()) cycle
+            n = min(lanes, size(which) - first + 1)
+            goes = .false.
+            do lane = 1, n
+                associate (sample => which(first + lane - 1))
+                    call find_way(model, repeats_here, q(:, sample), way)
+                    goes(lane) = is_way_short(model, way) .and. any(abs(way) > 0) &
+                                 .and. .not. any(repeats_here .and. has_vague_turn(q(:, sample)))
+                    if (.not. goes(lane)) cycle
+                    longest(lane) = 1/aint(maxval(abs(way)/model%stride) + 1)
+                    from(:, lane) = merge(q(:, sample) - way, model%start_q, repeats_here)
+                    to(:, lane) = q(:, sample)
+                    place(:, :, lane) = assembly%place(:, :, sample)
+                end associate
+            end do
+            call lead_places(model, closer, goes(:n), from(:, :n), to(:, :n), spread(model%branch(:0), 2, n), &
+                             place(:, :, :n), margin(:, :n), has_arrived(:n), longest, least_here(:, :n))
+            do lane = 1, n
+                if (.not. has_arrived(lane)) cycle
+                associate (sample => which(first + lane - 1))
+                    arrives(sample) = .true.
+                    assembly%q(:, sample) = q(:, sample)
+                    assembly%place(:, :, sample) = place(:, :, lane)
+                    assembly%margin(:, sample) = margin(:, lane)
+                    assembly%status(sample) = sample_ok
+                    least(:, sample) = least_here(:, lane)
+                end associate
+            end do
+        end do
+        !$omp end do
+    end subroutine lead_by_steps
 
     !> Those blocks of samples that this thread takes.
     subroutine lead_blocks(model, n_block, q, which, closer, assembly, least)

@@ -4,8 +4,9 @@
 !> from its end, and the rates at both ends explain where the groups' links have gone.
 module linkdyn_stride
     use linkdyn_following, only: is_step_sound
+    use linkdyn_group_block, only: part_of_margin
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, stride_groups
+    use linkdyn_group_stride, only: group_stride, stride_groups, share_along
     use linkdyn_kinds, only: wp
     use linkdyn_link_place, only: motion_between, spun_place, turned_axis
     use linkdyn_margin_source, only: margin_source
@@ -92,15 +93,16 @@ contains
         is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
         if (.not. is_believed) return
         back = share_along(stride%way(:, i - 1), stride%way(:, i))
-        is_believed = is_step_believed(model%least_margin, stride%margin(:, i - 1), stride%drift(:, i - 1), &
-                                       stride%margin(:, i), back*stride%drift(:, i))
+        is_believed = all(is_step_believed(model%least_margin, stride%margin(:, i - 1), stride%drift(:, i - 1), &
+                                           stride%margin(:, i), back*stride%drift(:, i)))
         if (.not. is_believed .or. size(model%group) == 0) return
         associate (groups => stride%groups)
+            if (groups%is_explained(i)) return
             rate = back*groups%rate(:, :, i)
             if (allocated(groups%rate_there)) then
                 rate = groups%rate_there(:, :, i)
-                is_believed = is_turn_kept(groups%thread(:, i - 1), groups%thread(:, i), &
-                                           (groups%thread_rate(:, i - 1) + groups%thread_rate_there(:, i))/2)
+                is_believed = all(is_turn_kept(groups%thread(:, i - 1), groups%thread(:, i), &
+                                               (groups%thread_rate(:, i - 1) + groups%thread_rate_there(:, i))/2))
                 if (.not. is_believed) return
             end if
             is_believed = is_close(model, extent, groups%place(:, :, i - 1), groups%place(:, :, i), &
@@ -108,37 +110,21 @@ contains
         end associate
     end function is_sample_believed
 
-    !> Are nuts on the turns of their threads to which they have come? A turn is a small way, which tells nothing of margins.
-    pure logical function is_turn_kept(from, to, explained) result(is_kept)
-        real(wp), intent(in) :: from(:), to(:), explained(:)    !! angles, and their change (thread) [rad]
+    !> Is a nut on the turn of its thread to which it has come? A turn is a small way, which tells nothing of margins.
+    elemental logical function is_turn_kept(from, to, explained) result(is_kept)
+        real(wp), intent(in) :: from, to, explained  !! angles, and their change [rad]
 
-        is_kept = all(abs(to - from - explained) < surely_same_turn)
+        is_kept = abs(to - from - explained) < surely_same_turn
     end function is_turn_kept
 
-    !> Does no margin vanish within a step, nor at its end?
-    pure logical function is_step_believed(least, margin, drift, margin_there, drift_there) result(is_believed)
-        real(wp), intent(in) :: least(:)             !! that can be told from zero (n_map)
-        real(wp), intent(in) :: margin(:), drift(:)  !! at the beginning; its rate for the whole step
-        real(wp), intent(in) :: margin_there(:), drift_there(:)    !! at the end
-        integer :: m
+    !> Does a margin not vanish within a step, nor at its end?
+    elemental logical function is_step_believed(least, margin, drift, margin_there, drift_there) result(is_believed)
+        real(wp), intent(in) :: least                !! that can be told from zero
+        real(wp), intent(in) :: margin, drift        !! at the beginning; its rate for the whole step
+        real(wp), intent(in) :: margin_there, drift_there    !! at the end
 
-        is_believed = .true.
-        do m = 1, size(least)
-            is_believed = abs(margin_there(m)) > least(m) &
-                          .and. is_step_sound(least(m), margin(m), drift(m), margin_there(m), drift_there(m))
-            if (.not. is_believed) return
-        end do
+        is_believed = abs(margin_there) > least .and. is_step_sound(least, margin, drift, margin_there, drift_there)
     end function is_step_believed
-
-    !> The part of a way that leads along another one.
-    pure real(wp) function share_along(way, other) result(share)
-        real(wp), intent(in) :: way(:), other(:)     !! (n_q)
-        real(wp) :: square
-
-        square = dot_product(other, other)
-        share = 0
-        if (square > 0) share = dot_product(way, other)/square
-    end function share_along
 
     !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
     !> against the distance, about the margin, at which another assembly may be.
@@ -148,7 +134,6 @@ contains
         real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
         real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
         real(wp), intent(in) :: margin(:)            !! (n_group)
-        real(wp), parameter :: part = 0.125_wp
         real(wp) :: moved(link_freedom(model)), open
         integer :: g, i, n
 
@@ -166,7 +151,7 @@ contains
                     open = max(open, maxval(abs(moved(:n)))/extent, maxval(abs(moved(n + 1:))))
                 end associate
             end do
-            is_close = is_close .and. open <= part*margin(g)
+            is_close = is_close .and. open <= part_of_margin*margin(g)
         end do
     end function is_close
 

@@ -191,8 +191,10 @@ contains
             is_first(lane) = .false.
             call look_for_roots(stands%margin(lane, :), stands%drift(lane, :), tried%margin(lane, :), tried%drift(lane, :), &
                                 is_root(lane, :))
+            report%least(lane, :) = min(report%least(lane, :), abs(tried%margin(lane, :)), &
+                                        least_between(stands%margin(lane, :), taken*stands%drift(lane, :), &
+                                                      tried%margin(lane, :), taken*tried%drift(lane, :)))
             stands%margin(lane, :) = tried%margin(lane, :)
-            report%least(lane, :) = min(report%least(lane, :), abs(stands%margin(lane, :)))
             call note_side(side(lane, :), tried%margin(lane, :), self%least_margin, is_crossing(lane, :))
             stands%drift(lane, :) = tried%drift(lane, :)
             stands%speed(lane, :) = tried%speed(lane, :)
@@ -244,6 +246,17 @@ contains
 
         if (abs(margin) > least_margin .or. has_crossed) side = margin
     end subroutine note_side
+
+    !> How small a margin becomes within a step, that goes down at the beginning and up at the end: where both tangents meet.
+    elemental real(wp) function least_between(before, drift_before, now, drift_now) result(least)
+        real(wp), intent(in) :: before, drift_before        !! rates for the whole step
+        real(wp), intent(in) :: now, drift_now
+
+        least = min(abs(before), abs(now))
+        if (before*drift_before >= 0 .or. now*drift_now <= 0 .or. before*now <= 0) return
+        least = abs(before) - abs(drift_before)*(abs(before) - abs(now) + abs(drift_now))/(abs(drift_before) + abs(drift_now))
+        least = max(0.0_wp, min(least, abs(before), abs(now)))
+    end function least_between
 
     !> Does a margin go to zero as the root of the distance? Then its product with its rate stays, which is halved with a margin
     !> that goes there straight. Asked wherever it has changed enough to tell the two apart.

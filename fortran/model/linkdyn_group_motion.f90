@@ -18,24 +18,25 @@ module linkdyn_group_motion
     end type group_closer
 
     abstract interface
-        !> What a group needs where its links stand, for some samples; what is not asked for costs less.
+        !> What a group needs where its links stand, for some samples side by side: a column has one number of all of them. What is
+        !> not asked for costs less.
         subroutine make_steps(self, g, q, qd, branch, place, margin, is_sure, correction, rate, thread, corrected, extent, &
                               only_leads)
             import :: group_closer, wp
             class(group_closer), intent(in) :: self
             integer, intent(in) :: g                         !! number of the group
-            real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :)     !! (n_q, sample)
-            real(wp), intent(in), contiguous, target :: branch(:, :)          !! (n_branch, sample, or 1 for all)
-            real(wp), intent(in), contiguous, target :: place(:, :, :)        !! (place_size, n_link, sample)
+            real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :)     !! (sample, n_q)
+            real(wp), intent(in), contiguous, target :: branch(:, :)          !! (sample, n_branch)
+            real(wp), intent(in), contiguous, target :: place(:, :, :)        !! (sample, place_size, n_link)
             real(wp), intent(out) :: margin(:)               !! (sample)
             logical, intent(out) :: is_sure(:)               !! false: rounding may have grown, or a nut is off its thread (sample)
-            !> To be taken from the places; their rates (row, sample)
+            !> To be taken from the places; their rates (sample, row)
             real(wp), intent(out), contiguous, target, optional :: correction(:, :), rate(:, :)
-            !> Angles of the group's threads by their slides, then their rates (2 n_thread, sample) [rad]
+            !> Angles of the group's threads by their slides, then their rates (sample, 2 n_thread) [rad]
             real(wp), intent(out), contiguous, target, optional :: thread(:, :)
-            !> Places of the group's links with the correction taken (place_size times link, sample)
+            !> Places of the group's links with the correction taken (sample, place_size times link)
             real(wp), intent(out), contiguous, target, optional :: corrected(:, :)
-            !> How large the correction is, the same without turns about threads, how far from the origin (3, sample), as
+            !> How large the correction is, the same without turns about threads, how far from the origin (sample, 3), as
             !> `linkdyn_corrected_links` has them
             real(wp), intent(out), contiguous, target, optional :: extent(:, :)
             !> Steps of a way, each mended by the next: rounding may grow by more before they are not sure; absent: false

@@ -16,7 +16,8 @@ module linkdyn_closing_programs
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
-        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples, run_one_sample, has_output
+        make_scene_program, free_scene_program, free_program_space, load_columns, run_columns, run_one_sample, has_output, &
+        most_lanes
     use linkdyn_threads_of_group, only: group_threads, measure_threads, surely_same_turn
     use linkdyn_trace, only: traced_type, begin_trace, trace_steps, alarm_of
     use linkdyn_value, only: value, zero, constant, operator(+), operator(*), square
@@ -187,11 +188,11 @@ contains
             traced%mechanism%watched = [traced%mechanism%watched, &
                                         (constant(1/surely_same_turn)*threads%off(i), i=1, model%group(g)%n_thread)]
             call list_group_step(model%group(g), traced, step, out)
-            call add_output(out, out_rate, step%rate)
-            if (model%group(g)%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
             call correct_links(model, model%group(g), traced%place, step%correction, corrected)
             call add_output(out, out_corrected, [corrected%place])
             call add_output(out, out_extent, [corrected%largest, corrected%bounded, corrected%distance])
+            call add_output(out, out_rate, step%rate)
+            if (model%group(g)%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
             call make_scene_program(record, traced%in, out, closing%program)
         end if
         call close_record(record)
@@ -256,7 +257,8 @@ contains
         logical, dimension(size(q, 2)) :: is_sure
         integer :: k
 
-        call programs%make_steps(g, q, 0*q, reshape(model%branch, [model%n_branch, 1]), place, found, is_sure)
+        call programs%make_steps(g, transpose(q), 0*transpose(q), spread(model%branch, 1, size(q, 2)), &
+                                 reshape(place, [size(place, 3), size(place, 1), size(place, 2)], order=[2, 3, 1]), found, is_sure)
         k = findloc(is_sure, .true., dim=1)
         programs%is_usable = k > 0
         if (k == 0) return
@@ -284,57 +286,61 @@ contains
         real(wp) :: limit
         type(sample_arrays) :: arrays
         type(output_target) :: to(8)
-        real(wp), dimension(1, size(q, 2)), target :: response, determinant, alarm
-        logical :: is_bad(size(q, 2))
+        real(wp), dimension(most_lanes, 1), target :: response, determinant, alarm
+        logical :: is_bad(most_lanes)
+        integer :: first, n
 
-        arrays%of(in_q)%x => q
-        arrays%of(in_qd)%x => qd
-        arrays%of(in_branch)%x => branch
-        arrays%of(in_place)%x(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
-        to(:3) = [goes_to(out_response, response), goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm)]
+        call show(in_q, size(q, 2), q)
+        call show(in_qd, size(qd, 2), qd)
+        call show(in_branch, size(branch, 2), branch)
+        call show(in_place, size(place, 2)*size(place, 3), place)
+        to(:3) = [goes_to(out_response, response, .true.), goes_to(out_determinant, determinant, .true.), &
+                  goes_to(out_closing_alarm, alarm, .true.)]
         if (present(correction)) to(4) = goes_to(out_correction, correction)
         if (present(rate)) to(5) = goes_to(out_rate, rate)
         if (present(thread)) to(6) = goes_to(out_thread, thread)
         if (present(corrected)) to(7) = goes_to(out_corrected, corrected)
         if (present(extent)) to(8) = goes_to(out_extent, extent)
-        call take_space(self, space)
-        if (size(q, 2) == 1) then
-            call run_alone(self%of(g)%program, arrays, space%one(g), to, is_bad(1))
-        else
-            call run_blocks(self%of(g)%program, size(q, 2), arrays, space%slots(g), to, is_bad)
-        end if
-        call return_space(self, space)
-        ! A direction of n has the n-th part of a unit vector's square, on average.
-        margin = sign(sqrt(n_probe/(self%of(g)%n*response(1, :))), self%of(g)%sense*determinant(1, :))
-        ! Written so that what is no number is not sure.
         limit = 1
         if (present(only_leads) .and. self%of(g)%n_thread == 0) limit = merge(forgiven**2, limit, only_leads)
-        is_sure = alarm(1, :) <= limit .and. .not. is_bad
-    end subroutine make_steps_by_record
-
-    subroutine run_blocks(program, n, arrays, slots, to, is_bad)
-        type(scene_program), intent(in) :: program
-        integer, intent(in) :: n                               !! samples
-        type(sample_arrays), intent(in) :: arrays
-        type(program_space), intent(inout) :: slots
-        type(output_target), intent(in) :: to(:)
-        logical, intent(out) :: is_bad(:)                      !! a number that is none (sample)
-        integer :: first, count
-
-        is_bad = .false.
-        do first = 1, n, block_lanes()
-            count = min(block_lanes(), n - first + 1)
-            call load_samples(program, arrays, first, count, slots)
-            call run_samples(program, slots, first, count, to, is_bad(first:first + count - 1))
+        call take_space(self, space)
+        do first = 1, size(q, 1), self%samples_at_once
+            n = min(self%samples_at_once, size(q, 1) - first + 1)
+            if (size(q, 1) == 1) then
+                call run_alone(self%of(g)%program, arrays, space%one(g), to, is_bad(1))
+            else
+                call load_columns(self%of(g)%program, arrays, first, n, space%slots(g))
+                call run_columns(self%of(g)%program, space%slots(g), first, n, to, is_bad)
+            end if
+            ! A direction of n has the n-th part of a unit vector's square, on average.
+            margin(first:first + n - 1) = sign(sqrt(n_probe/(self%of(g)%n*response(:n, 1))), self%of(g)%sense*determinant(:n, 1))
+            ! Written so that what is no number is not sure.
+            is_sure(first:first + n - 1) = alarm(:n, 1) <= limit .and. .not. is_bad(:n)
         end do
-    end subroutine run_blocks
+        call return_space(self, space)
+
+    contains
+
+        !> Numbers of the samples; those of a single one stand in a row.
+        subroutine show(block, n, x)
+            integer, intent(in) :: block                       !! one of `in_*`
+            integer, intent(in) :: n
+            real(wp), intent(in), target :: x(*)               !! (sample, n)
+
+            if (size(q, 1) == 1) then
+                arrays%of(block)%x(1:n, 1:1) => x(:n)
+            else
+                arrays%of(block)%x(1:size(q, 1), 1:n) => x(:size(q, 1)*n)
+            end if
+        end subroutine show
+    end subroutine make_steps_by_record
 
     !> One sample, as a run has it, which takes a part of what a block takes.
     subroutine run_alone(program, arrays, one, to, is_bad)
         type(scene_program), intent(in) :: program
         type(sample_arrays), intent(in) :: arrays
         type(program_space), intent(inout) :: one
-        type(output_target), intent(in) :: to(:)
+        type(output_target), intent(in) :: to(:)               !! (sample, value)
         logical, intent(out) :: is_bad
         real(wp) :: output(program%program%n_output)
         integer :: t, k
@@ -346,7 +352,7 @@ contains
             k = has_output(program, to(t)%id)
             if (k == 0) cycle
             associate (found => output(program%first(k):program%first(k) + program%n(k) - 1))
-                to(t)%x(:size(found), 1) = found
+                to(t)%x(1, :size(found)) = found
                 is_bad = is_bad .or. .not. all(abs(found) <= huge(1.0_wp))
             end associate
         end do

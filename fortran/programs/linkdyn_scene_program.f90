@@ -1,7 +1,8 @@
 !> A kernel of a scene, ready to run on samples: blocks of arrays go in, blocks of arrays come out.
 module linkdyn_scene_program
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, &
-        forms_multiply_adds, block_lanes, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
+        forms_multiply_adds, block_lanes, run_block, run_single, gather, expect, scatter, gather_single, scatter_single, &
+        put_columns, take_columns
     use linkdyn_inputs, only: input_blocks, n_block, in_found
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
@@ -11,6 +12,7 @@ module linkdyn_scene_program
     private
     public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
     public :: load_samples, run_samples, run_one_sample, output_target, goes_to, has_output, program_space, free_program_space
+    public :: load_columns, run_columns, most_lanes
 
     integer, parameter :: most_lanes = 64              !! bits that tell which samples of a block are not finite
 
@@ -51,7 +53,7 @@ module linkdyn_scene_program
     type :: output_target
         integer :: id = 0
         real(wp), pointer, contiguous :: x(:, :) => null()    !! (value, sample)
-        logical :: is_of_block = .false.               !! a block's samples begin at the first column; false: all samples have one
+        logical :: is_of_block = .false.               !! a block's samples begin at the first; false: all samples have a place
     end type output_target
 
     !> Slots of one thread for one program.
@@ -221,6 +223,64 @@ contains
         end do
         if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)
     end subroutine run_samples
+
+    !> Samples first, ..., first + count - 1 of arrays (sample, number of the block) to the slots.
+    subroutine load_columns(program, arrays, first, count, space)
+        type(scene_program), intent(in) :: program
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(program_space), intent(inout) :: space
+        integer :: k
+
+        if (space%lanes == 0) then
+            call make_space(program%program, .false., space%block)
+            space%lanes = block_lanes()
+        end if
+        do k = 1, size(program%input)
+            associate (s => program%input(k), x => arrays%of(program%input(k)%block)%x)
+                call put_columns(count, size(x, 1), x(first, s%first), s%n, s%slot, space%block)
+            end associate
+        end do
+    end subroutine load_columns
+
+    !> Run them, as far as outputs are wanted; these go to arrays (sample, value). Says in which samples one is not finite.
+    subroutine run_columns(program, space, first, count, target, is_bad)
+        type(scene_program), intent(in) :: program
+        type(program_space), intent(in) :: space
+        integer, intent(in) :: first, count
+        type(output_target), intent(in) :: target(:)
+        logical, intent(out) :: is_bad(:)              !! (count)
+        real(wp) :: total(most_lanes)
+        integer :: g, k, t, begin, n, row, n_wanted
+
+        n_wanted = 0
+        do t = 1, size(target)
+            k = has_output(program, target(t)%id)
+            if (k > 0) n_wanted = max(n_wanted, program%first(k) + program%n(k) - 1)
+        end do
+        total(:count) = 0
+        k = 1
+        begin = 1
+        do g = 1, size(program%program%group_end)
+            do while (program%first(k) + program%n(k) <= begin)
+                k = k + 1
+            end do
+            if (begin > n_wanted) exit
+            n = program%program%group_end(g) - begin + 1
+            call run_block(program%program, g, space%block, count)
+            do t = 1, size(target)
+                if (target(t)%id /= program%id(k)) cycle
+                row = merge(1, first, target(t)%is_of_block)
+                associate (x => target(t)%x)
+                    call take_columns(program%program, space%block, begin, n, count, size(x, 1), &
+                                      x(row, begin - program%first(k) + 1), total)
+                end associate
+                exit
+            end do
+            begin = begin + n
+        end do
+        is_bad(:count) = .not. total(:count) <= huge(1.0_wp)
+    end subroutine run_columns
 
     !> The first sample of the arrays alone, which takes a part of what a block takes. All outputs come in their order.
     subroutine run_one_sample(program, arrays, space, output)

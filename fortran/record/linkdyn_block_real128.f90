@@ -9,7 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
-    public :: put_lanes, take_lanes
+    public :: put_lanes, take_lanes, put_columns, take_columns
 
     integer, parameter :: lanes = 8
 
@@ -187,4 +187,31 @@ contains
             x(lane) = output_of(program%kernel, output, space%slot(:, lane))
         end do
     end subroutine take_lanes
+
+    !> The same of m numbers, to the inputs from `first` on.
+    subroutine put_columns(n, stride, x, m, first, space)
+        integer, intent(in) :: n, stride, m, first
+        real(wp), intent(in) :: x(stride, *)           !! (n or more, m)
+        type(block_space), intent(in) :: space
+        integer :: k
+
+        do k = 1, m
+            call put_lanes(n, x(1, k), first + k - 1, space)
+        end do
+    end subroutine put_columns
+
+    !> Outputs first, ..., first + m - 1; their sizes are added up, which tells numbers that are none.
+    subroutine take_columns(program, space, first, m, n, stride, x, total)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: first, m, n, stride
+        real(wp), intent(inout) :: x(stride, *)        !! (n or more, m)
+        real(wp), intent(inout) :: total(n)
+        integer :: k
+
+        do k = 1, m
+            call take_lanes(program, space, first + k - 1, n, x(1, k))
+            total = total + abs(x(:n, k))
+        end do
+    end subroutine take_columns
 end module linkdyn_block

@@ -9,7 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
-    public :: put_lanes, take_lanes
+    public :: put_lanes, take_lanes, put_columns, take_columns
 
     !> A kernel in the form that runs. Constant: threads share it.
     type :: program_type
@@ -270,4 +270,44 @@ contains
 
         x = program%output_sign(output)*space%slot(:n, program%output_slot(output))
     end subroutine take_lanes
+
+    !> The same of m numbers, to the inputs from `first` on.
+    subroutine put_columns(n, stride, x, m, first, space)
+        integer, intent(in) :: n, stride, m, first
+        real(wp), intent(in) :: x(stride, *)           !! (n or more, m)
+        type(block_space), intent(in) :: space
+        real(wp) :: last
+        integer :: k, lane
+
+        do k = 1, m
+            do lane = 1, n
+                space%slot(lane, first + k - 2) = x(lane, k)
+            end do
+            last = x(n, k)
+            do lane = n + 1, size(space%slot, 1)
+                space%slot(lane, first + k - 2) = last
+            end do
+        end do
+    end subroutine put_columns
+
+    !> Outputs first, ..., first + m - 1; their sizes are added up, which tells numbers that are none.
+    subroutine take_columns(program, space, first, m, n, stride, x, total)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: first, m, n, stride
+        real(wp), intent(inout) :: x(stride, *)        !! (n or more, m)
+        real(wp), intent(inout) :: total(n)
+        real(wp) :: sign
+        integer :: k, lane
+
+        do k = 1, m
+            sign = program%output_sign(first + k - 1)
+            associate (slot => space%slot(:, program%output_slot(first + k - 1)))
+                do lane = 1, n
+                    x(lane, k) = sign*slot(lane)
+                    total(lane) = total(lane) + abs(slot(lane))
+                end do
+            end associate
+        end do
+    end subroutine take_columns
 end module linkdyn_block

@@ -7,6 +7,7 @@ module test_newton_groups
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_representatives, only: representative_poses, need_poses
+    use linkdyn_group_block, only: group_block, prepare_block, explain_shifts, part_of_margin
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -24,7 +25,7 @@ module test_newton_groups
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_stride, only: stride_type, make_stride
+    use linkdyn_stride, only: stride_type, make_stride, is_close
     use linkdyn_test_numbers, only: random_stream, random_walk, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -48,6 +49,7 @@ contains
             new_test("slides parallel to a moving link", test_parallel_slides), &
             new_test("places of links", test_places), &
             new_test("spinning links", test_spins), &
+            new_test("motions that are surely explained", test_explained), &
             new_test("recorded steps", test_recorded_steps), &
             new_test("recorded steps of screws", test_screws), &
             new_test("strides by recorded steps", test_strides)]
@@ -255,7 +257,7 @@ contains
         class(group_closer), pointer :: closer
         class(margin_source), pointer :: margins
         type(stride_type) :: stride
-        real(wp) :: q(1, 1), way(1, 1), branch(0, 1), margin(1), thread(2, 1)
+        real(wp) :: q(1, 1), way(1, 1), branch(1, 0), margin(1), thread(1, 2)
         real(wp), allocatable :: place(:, :, :)
         logical :: is_sure(1)
         integer :: i, s, spindle
@@ -277,9 +279,9 @@ contains
                 associate (p => place(:, group%link(spindle), 1), axis => group%thread_axis(:, spindle))
                     if (i > 0) p = spun_place(p, [(0.0_wp, s=1, 3), off(i)*turned_axis(p, axis)], axis, turned_axis(p, axis))
                 end associate
-                call closing%make_steps(1, q, way, branch, place, margin, is_sure, thread=thread)
+                call closing%make_steps(1, q, way, branch, reshape(place, [1, 7, model%n_link]), margin, is_sure, thread=thread)
                 call check(error, is_sure(1) .eqv. (i == 0 .or. modulo(i, 2) == 1), "sure where a nut is near its thread")
-                if (i == 0) call check_close(error, thread(:, 1), [q, way], 1.0e-12_wp*q(1, 1), "the nut's turns, and their rate")
+                if (i == 0) call check_close(error, thread(1, :), [q, way], 1.0e-12_wp*q(1, 1), "the nut's turns, and their rate")
             end do
         end associate
         nullify (margins)
@@ -303,6 +305,82 @@ contains
             end do
         end function start_of
     end subroutine test_screws
+
+    !> Motions that a block of samples takes for explained, without an arctangent, are explained as angles are measured; and nothing
+    !> but what lies near the bound, or turns far, is left to be measured.
+    subroutine test_explained(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(2) = [character(len=15) :: "hexaglide", "planar_platform"]
+        integer, parameter :: n = 16, n_draw = 200
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(group_block) :: block
+        type(random_stream) :: stream
+        real(wp) :: margin(n, 1), turn, open, by(6)
+        real(wp), allocatable :: unit(:)
+        logical :: is_explained(n)
+        integer :: i, draw, k, l, s, m
+
+        do i = 1, size(name)
+            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            block = group_block()
+            call prepare_block(model, n, block)
+            m = size(block%shift, 2)
+            unit = [(merge(scene_size(model), 1.0_wp, k <= m/2 + modulo(m, 2)), k=1, m)]
+            block%from = 0
+            block%place = 0
+            block%shift = 0
+            do draw = 1, n_draw
+                margin = 0.05_wp + 0.3_wp*abs(reshape(stream%vector(n), [n, 1]))
+                block%margin = margin
+                ! turns up to three radians, and what is left open up to twice the bound
+                turn = 3*real(draw, wp)/n_draw
+                open = 2*modulo(7*draw, n_draw)/real(n_draw, wp)
+                do s = 1, n
+                    do k = 1, size(model%group(1)%link)
+                        l = model%group(1)%link(k)
+                        block%from(s, :, l) = stream%vector(size(block%from, 2))
+                        by = stream%vector(6)
+                        by(4:) = turn*by(4:)/norm2(by(4:))
+                        block%place(s, :3, l) = block%from(s, :3, l) + by(:3)
+                        if (m == 6) call turn_link(by(4:), block%from(s, 4:, l), block%place(s, 4:, l))
+                        block%shift(s, :, l) = 2*motion_between(block%from(s, :, l), block%place(s, :, l)) &
+                                               + 2*open*part_of_margin*margin(s, 1)*unit*stream%vector(m)
+                    end do
+                end do
+                block%rate = 0
+                call explain_shifts(model, margin, block, is_explained)
+                do s = 1, n
+                    associate (is_measured => is_close(model, scene_size(model), block%from(s, :, :), block%place(s, :, :), &
+                                                       block%shift(s, :, :), margin(s, :)))
+                        call check(error, is_measured .or. .not. is_explained(s), trim(name(i))//": explained by angles, too")
+                        if (turn < 0.2_wp .and. open < 0.9_wp) &
+                            call check(error, is_explained(s), trim(name(i))//": what is explained is seen to be")
+                    end associate
+                end do
+            end do
+        end do
+
+    contains
+
+        !> A quaternion turned about x, y, z of the world, of either sign.
+        pure subroutine turn_link(by, from, to)
+            real(wp), intent(in) :: by(3), from(4)
+            real(wp), intent(out) :: to(4)
+            real(wp) :: w, v(3)
+
+            w = cos(norm2(by)/2)
+            v = sin(norm2(by)/2)*by/norm2(by)
+            to(1) = w*from(1) - dot_product(v, from(2:))
+            to(2:) = w*from(2:) + from(1)*v + [v(2)*from(4) - v(3)*from(3), v(3)*from(2) - v(1)*from(4), &
+                                               v(1)*from(3) - v(2)*from(2)]
+            if (from(1) > 0) to = -to
+        end subroutine turn_link
+    end subroutine test_explained
 
     !> Newton's step by a record: velocities are differences of places that the lanes have found, and links that were shifted a
     !> little are brought back.
@@ -333,21 +411,22 @@ contains
             call check(error, closing%is_usable, trim(name(i))//": margins are those of the lanes")
             if (.not. closing%is_usable) return
             associate (group => model%group(1))
-                allocate (correction(size(group%unit), 1), rate(size(group%unit), 1))
-                allocate (corrected(7*size(group%link), 1), extent(3, 1))
+                allocate (correction(1, size(group%unit)), rate(1, size(group%unit)))
+                allocate (corrected(1, 7*size(group%link)), extent(1, 3))
                 place = found%place(:, :, :1)
                 shift = 1.0e-6_wp*stream%vector(3)
                 place(:3, group%link(2), 1) = place(:3, group%link(2), 1) + shift
-                call closing%make_steps(1, q(:, :1), reshape(way, [model%n_q, 1]), reshape(model%branch, [model%n_branch, 1]), &
-                                        place, margin, is_sure, correction, rate, corrected=corrected, extent=extent)
+                call closing%make_steps(1, transpose(q(:, :1)), reshape(way, [1, model%n_q]), &
+                                        reshape(model%branch, [1, model%n_branch]), reshape(place, [1, 7, model%n_link]), margin, &
+                                        is_sure, correction, rate, corrected=corrected, extent=extent)
                 call check(error, is_sure(1), trim(name(i))//": no alarm")
-                call check_corrected(trim(name(i)), model, group, place(:, :, 1), correction(:, 1), corrected(:, 1), extent(:, 1))
+                call check_corrected(trim(name(i)), model, group, place(:, :, 1), correction(1, :), corrected(1, :), extent(1, :))
                 do k = 1, size(group%link)
                     l = group%link(k)
                     first = 6*(k - 1)
-                    call check_close(error, rate(first + 1:first + 3, 1), (found%place(:3, l, 3) - found%place(:3, l, 2))/(2*h), &
+                    call check_close(error, rate(1, first + 1:first + 3), (found%place(:3, l, 3) - found%place(:3, l, 2))/(2*h), &
                                      1.0e-4_wp*max(1.0_wp, maxval(abs(rate))), trim(name(i))//": velocities")
-                    call check_close(error, correction(first + 1:first + 3, 1), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
+                    call check_close(error, correction(1, first + 1:first + 3), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
                                      trim(name(i))//": shifts taken back")
                 end do
                 deallocate (correction, rate, corrected, extent)

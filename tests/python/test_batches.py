@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,16 @@ def test_one_result_beyond_all_numbers(batch, place):
         assert all(np.isnan(values[place]).all() for name, values in found.items() if values.dtype.kind == "f")
         others = np.arange(len(t)) != place
         assert_same({name: values[others] for name, values in found.items()}, {name: values[others] for name, values in whole.items()}, slice(None))
+
+
+def test_batch_is_where_straight_ways_lead():
+    """Poses beyond a narrow place, through which the ways to some near them lead and theirs do not: unreachable in a batch as on the lanes,
+    which lead the mechanism to each from the start."""
+    content = tomllib.loads((EXAMPLES / "double_wishbone" / "scene.toml").read_text())
+    content["actuator"] = [{"joint": c["joint"]} for c in content["coordinate"]]
+    scene = linkdyn.Scene(content, EXAMPLES / "double_wishbone")
+    start = scene.motion(scene.times()[:1])[0][0]
+    q = start + [1.1, -0.19] + np.random.default_rng(5).uniform(-1, 1, (3000, 2)) * [0.15, 0.03]
+    status = scene.inverse(q, want="driving_force").status.values
+    assert 1000 < (status == 0).sum() < 2000
+    np.testing.assert_array_equal(status == 0, np.asarray(scene.poses(q).status) == 0)
