@@ -33,8 +33,8 @@ module linkdyn_error_probe
     ! moment. docs/accuracy.md shows how the two were found.
     real(wp), parameter :: safety = 20, floor_part = 0.5_wp
 
-    !> Beside where they are found links of groups are no solution, and Newton's method finds them anew, with a rounding of its own. From
-    !> where they are it finds nothing to correct: numbers that agree to the last bit may be far from right near a change point.
+    !> Beside where they are found links of groups are no solution, and Newton's method finds them anew, with a rounding of its
+    !> own. From where they are it finds nothing to correct: near a change point what agrees to the last bit may be far off.
     real(wp), parameter :: beside = 1.0e-8_wp           !! of the mechanism's size
 
     !> A similar model, its equations, and what brings inputs to its size and outputs back.

@@ -1,8 +1,8 @@
 !> Samples whose groups one rule calls uncertain, once more: by how their forces scatter.
 !>
-!> The rule (`linkdyn_uncertainty`) knows how far a group is from being singular, and takes it that whatever is ill determined there
-!> moves all else. Links that may nearly slide along axes almost parallel move nothing else: their forces keep their digits. So a sample
-!> that the rule alone flags is computed without it, and on the mechanisms of the error estimates.
+!> The rule (`linkdyn_uncertainty`) knows how far a group is from being singular, and takes it that whatever is ill determined
+!> there moves all else. Links that may nearly slide along axes almost parallel move nothing else: their forces keep their
+!> digits. So a sample that the rule alone flags is computed without it, and on the mechanisms of the error estimates.
 module linkdyn_second_look
     use linkdyn_error_probe, only: error_probe, make_probe, free_probe
     use linkdyn_kinds, only: wp
@@ -13,8 +13,8 @@ module linkdyn_second_look
     private
     public :: second_look, need_look, free_look, surely_certain
 
-    !> Of estimated errors, relative to the largest force: a hundredth of what is flagged, so that no scatter that is small by chance
-    !> lets a sample pass.
+    !> Of estimated errors, relative to the largest force: a hundredth of what is flagged, so that no scatter that is small by
+    !> chance lets a sample pass.
     real(wp), parameter :: surely_certain = 1.0e-5_wp
 
     !> Made when it is wanted first, constant from then on.

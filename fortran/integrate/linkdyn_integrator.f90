@@ -502,9 +502,9 @@ contains
         call count_work(self)
     end subroutine advance_multistep
 
-    !> A step of the multistep method is none. Its Newton iteration keeps a Jacobian for fifty steps; once f hardly depends on y any
-    !> more, one of stiffer times makes corrections of next to nothing, and the history is taken for the solution. Begun anew the method
-    !> has a Jacobian of here.
+    !> A step of the multistep method is none. Its Newton iteration keeps a Jacobian for fifty steps; once f hardly depends on y
+    !> any more, one of stiffer times makes corrections of next to nothing, and the history is taken for the solution. Begun anew
+    !> the method has a Jacobian of here.
     subroutine take_back(self, t_before, y, solution)
         type(integrator_type), intent(inout) :: self
         real(wp), intent(in) :: t_before
