@@ -128,7 +128,7 @@ def test_calls_in_other_threads_are_not_disturbed():
 @pytest.mark.thorough
 @pytest.mark.parametrize("call", [
     "platform.solve(np.repeat(q, 999, axis=0), threads={n})",
-    "platform.ensemble(np.repeat(q, 99, axis=0), np.repeat(qd, 99, axis=0), [0, 0.01], threads={n})",
+    "platform.ensemble(np.repeat(q, 99, axis=0), np.repeat(qd, 99, axis=0), [0.1, 0.11], threads={n})",
     "platform.sweep({{'chunk': 1, 'axis': [{{'coordinate': 'platform.x', 'linspace': [-1.6, -1.4, 999]}}]}}, threads={n})",
     "platform.forward(0.01, threads={n})",
 ], ids=["solve", "ensemble", "sweep", "forward"])
@@ -145,7 +145,7 @@ def test_processes_forked_behind_threads():
         q, qd, _ = platform.motion(np.linspace(0, 0.5, 3000))
         def work(k):
             force = platform.solve(q, threads=2)["driving_force"]
-            members = platform.ensemble(q[:100], qd[:100], [0, 0.01], threads=2).q.values
+            members = platform.ensemble(np.repeat(q[:1], 100, axis=0), np.repeat(qd[:1], 100, axis=0), [0, 0.01], threads=2).q.values
             swept = platform.sweep({"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 500]}]}, threads=2)
             return force, members, swept.driving_force_max.values
         want = work(0)
