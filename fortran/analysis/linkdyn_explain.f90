@@ -7,8 +7,10 @@ module linkdyn_explain
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_explain_record, only: explain_record, in_words
     use linkdyn_constants, only: pi
+    use linkdyn_closing_programs, only: closing_programs
     use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words
     use linkdyn_gearing, only: led_name
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
@@ -20,6 +22,8 @@ module linkdyn_explain
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
         payload_changes, motor_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, feed_none, feed_gravity, &
         feed_inverse
+    use linkdyn_reach, only: find_reach
+    use linkdyn_representatives, only: representative_poses, make_closer
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -35,17 +39,27 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit    !! open for formatted writing
 
+        type(closing_programs), target :: closing
+        class(group_closer), pointer :: closer
+        type(representative_poses) :: poses
+
+        nullify (closer)
+        if (size(model%group) > 0) then
+            call make_closer(model, reshape(model%start_q, [model%n_q, 1]), poses, closing)
+            if (closing%is_usable) closer => closing
+        end if
         call explain_scene(model, unit)
         call explain_links(model, unit)
         call explain_spins(model, unit)
         call explain_redundancy(model, unit)
         call explain_unknowns(model, unit)
-        call explain_order(model, unit)
+        call explain_order(model, closer, unit)
         call explain_reach(model, unit)
-        call explain_equations(model, unit)
+        call explain_equations(model, poses, unit)
         if (n_controller(model%scene) > 0) call explain_controllers(model, unit)
         if (model%scene%sweep%is_given) call explain_sweep(model, unit)
         call explain_left_out(model, unit)
+        call closing%free()
     end subroutine explain_model
 
     subroutine explain_scene(model, unit)
@@ -181,15 +195,16 @@ contains
         if (n /= 1) text = text//"s"
     end function counted
 
-    subroutine explain_order(model, unit)
+    subroutine explain_order(model, closer, unit)
         type(model_type), intent(in) :: model
+        class(group_closer), pointer, intent(in) :: closer    !! makes the groups' steps; null: nobody else
         integer, intent(in) :: unit
         type(motion_survey) :: survey
         logical :: moves
         integer :: i
 
         moves = follows_assembly(model) .and. model%scene%time%last > model%scene%time%first
-        if (moves) call survey_motion(model, survey)
+        if (moves) call survey_motion(model, closer, survey)
         write (unit, "(/,a)") "Order of computation"
         do i = 1, size(model%step)
             if (is_dyad(model%step(i)%kind)) call explain_coupler_points(model, i, unit)
@@ -221,8 +236,10 @@ contains
         integer, intent(in) :: unit
         real(wp) :: place(place_size(model), model%n_link)
         character(len=:), allocatable :: words
-        logical :: has_title
-        integer :: g, k
+        integer, allocatable :: which(:)
+        real(wp), dimension(model%n_q) :: lowest, highest
+        logical :: has_title, is_limited(model%n_q)
+        integer :: g, i, k
 
         if (.not. follows_assembly(model)) return
         place = 0
@@ -230,11 +247,13 @@ contains
             place(:, model%group(g)%link) = model%group(g)%start
         end do
         has_title = .false.
-        do k = 1, model%n_q
-            if (.not. moves_loop(model, k)) cycle
-            words = reach_in_words(model, k, model%start_q, model%branch, place)
-            if (len(words) > 0) then
-                words = "closes "//words
+        which = pack([(k, k=1, model%n_q)], [(moves_loop(model, k), k=1, model%n_q)])
+        call find_reach(model, which, model%start_q, model%branch, place, lowest(:size(which)), highest(:size(which)), &
+                        is_limited(:size(which)))
+        do i = 1, size(which)
+            k = which(i)
+            if (is_limited(i)) then
+                words = "closes "//reach_in_words(model, k, lowest(i), highest(i))
             else if (is_length(model, k) .or. is_screw(model, k)) then
                 words = trim(model%scene%coordinate(k)%name)//" goes farther than the mechanism is long"
             else
@@ -348,8 +367,9 @@ contains
     end function name_of
 
     !> The equations of motion as the elimination takes them, and what it takes; then the records of the scene.
-    subroutine explain_equations(model, unit)
+    subroutine explain_equations(model, poses, unit)
         type(model_type), intent(in) :: model
+        type(representative_poses), intent(inout) :: poses
         integer, intent(in) :: unit
         type(equations_type) :: equations
         type(answer_kernels), pointer :: answers
@@ -375,7 +395,7 @@ contains
         end associate
         write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3), " flops a pose"
         call free_equations(equations)
-        call explain_record(model, unit)
+        call explain_record(model, poses, unit)
     end subroutine explain_equations
 
     !> What drives actuators in forward runs.

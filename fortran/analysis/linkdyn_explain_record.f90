@@ -20,10 +20,10 @@ module linkdyn_explain_record
 
 contains
 
-    subroutine explain_record(model, unit)
+    subroutine explain_record(model, poses, unit)
         type(model_type), intent(in) :: model
+        type(representative_poses), intent(inout) :: poses
         integer, intent(in) :: unit            !! open for formatted writing
-        type(representative_poses) :: poses
 
         write (unit, "(/,a)") "Record of inverse dynamics"
         call need_poses(model, spread(model%start_q, 2, 1), poses)

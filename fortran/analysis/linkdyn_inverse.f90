@@ -10,7 +10,7 @@ module linkdyn_inverse
     use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_contact_force, result_power_imbalance, &
         result_friction, result_friction_power
-    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
+    use linkdyn_closing_programs, only: closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, free_condition, prepare_condition, &
         eliminate_block, &
         find_rcond
@@ -48,7 +48,7 @@ module linkdyn_inverse
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
-    use linkdyn_representatives, only: representative_poses, need_poses, few_links
+    use linkdyn_representatives, only: representative_poses, need_poses, make_closer, few_links
     use linkdyn_roads, only: road_counts
     use linkdyn_second_look, only: second_look, need_look, free_look, surely_certain
     use linkdyn_samples, only: sample_arrays, result_list, set_block
@@ -832,20 +832,6 @@ contains
         call release_records()
         if (solver%closing%is_usable) closer => solver%closing
     end subroutine need_closer
-
-    subroutine make_closer(model, q, poses, closing)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
-        type(representative_poses), intent(inout) :: poses
-        type(closing_programs), intent(inout) :: closing
-
-        call need_poses(model, q, poses)
-        call hold_texts()
-        associate (n => size(poses%q, 2), there => poses%assembly)
-            call make_closing_programs(model, poses%q, there%place(:, :, :n), there%margin(:, :n), closing)
-        end associate
-        call release_texts()
-    end subroutine make_closer
 
     recursive subroutine make_record(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model

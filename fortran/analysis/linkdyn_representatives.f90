@@ -2,6 +2,7 @@
 module linkdyn_representatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
+    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_constants, only: golden
     use linkdyn_inputs, only: sample_set, in_motion
     use linkdyn_kinds, only: wp
@@ -11,11 +12,12 @@ module linkdyn_representatives
     use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
         free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
+    use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: few_links, representative_poses, need_poses, set_in_motion, representative_motions
+    public :: few_links, representative_poses, need_poses, make_closer, set_in_motion, representative_motions
 
     integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
     !> Links of mechanisms whose records are made at once: that takes some milliseconds, and as much for every further thirty or so.
@@ -56,6 +58,21 @@ contains
         allocate (poses%stand(3, 4, 0:model%n_link))
         call choose_poses(model, batch, poses%q, poses%assembly, poses%stand)
     end subroutine need_poses
+
+    !> Programs of Newton's steps of all groups.
+    subroutine make_closer(model, batch, poses, closing)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
+        type(representative_poses), intent(inout) :: poses
+        type(closing_programs), intent(inout) :: closing
+
+        call need_poses(model, batch, poses)
+        call hold_texts()
+        associate (n => size(poses%q, 2), there => poses%assembly)
+            call make_closing_programs(model, poses%q, there%place(:, :, :n), there%margin(:, :n), closing)
+        end associate
+        call release_texts()
+    end subroutine make_closer
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
     subroutine choose_poses(model, batch, pose, assembly, stand)

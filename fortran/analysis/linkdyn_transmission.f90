@@ -3,6 +3,7 @@ module linkdyn_transmission
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, place_sample
     use linkdyn_closed_forms, only: transmission_angles
     use linkdyn_failure, only: lost_in_words
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -28,8 +29,9 @@ module linkdyn_transmission
 contains
 
     !> Instants at which the mechanism cannot be assembled do not count; a dyad that never can keeps a huge angle.
-    subroutine survey_motion(model, survey)
+    subroutine survey_motion(model, closer, survey)
         type(model_type), intent(in) :: model
+        class(group_closer), pointer, intent(in) :: closer  !! makes the groups' steps; null: nobody else
         type(motion_survey), intent(out) :: survey
         type(kinematic_state) :: state
         type(assembly_trail) :: trail
@@ -45,7 +47,7 @@ contains
             t = [(range%first + (range%last - range%first)*(real(sample - 1, wp)/(n_instant - 1)), sample=1, n_instant)]
         end associate
         call evaluate_motion(model, t, q, qd, qdd, load)
-        call follow_assembly(model, q, trail, assembly)
+        call follow_assembly(model, q, trail, assembly, closer=closer)
         call prepare_kinematics(model, 0, state)
         state%qd = 0
         state%qdd = 0

@@ -260,6 +260,8 @@ contains
         type(lost_way), intent(in) :: lost
         integer, intent(in) :: i                         !! step that fails; 0: not known
         character(len=:), allocatable :: text
+        real(wp) :: lowest(1), highest(1)
+        logical :: is_limited(1)
         integer :: k, link
 
         text = ""
@@ -271,22 +273,20 @@ contains
         end if
         if (count(model%moves(:, link)) /= 1) return
         k = findloc(model%moves(:, link), .true., dim=1)
-        if (lost%reached > 0) text = reach_in_words(model, k, lost%from, lost%branch, lost%place)
-        if (len(text) > 0) text = "; they close "//text
+        if (lost%reached > 0) then
+            call find_reach(model, [k], lost%from, lost%branch, lost%place, lowest, highest, is_limited)
+            if (is_limited(1)) text = "; they close "//reach_in_words(model, k, lowest(1), highest(1))
+        end if
     end function range_in_words
 
-    !> "from A = -131.2 deg to 131.2 deg"; blank if the coordinate goes all the way round, or is not bounded.
-    function reach_in_words(model, k, q, branch, place) result(text)
+    !> "from A = -131.2 deg to 131.2 deg"
+    function reach_in_words(model, k, lowest, highest) result(text)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: k                         !! coordinate; the others stay
-        real(wp), intent(in) :: q(:), branch(:), place(:, :)    !! an assembly: see `find_reach`
+        integer, intent(in) :: k                         !! coordinate
+        real(wp), intent(in) :: lowest, highest
         character(len=:), allocatable :: text
-        real(wp) :: lowest, highest
-        logical :: is_limited
 
-        text = ""
-        call find_reach(model, k, q, branch, place, lowest, highest, is_limited)
-        if (is_limited) text = "from "//trim(model%scene%coordinate(k)%name)//" = "//with_unit(model, k, lowest)//" to " &
-                               //with_unit(model, k, highest)
+        text = "from "//trim(model%scene%coordinate(k)%name)//" = "//with_unit(model, k, lowest)//" to " &
+               //with_unit(model, k, highest)
     end function reach_in_words
 end module linkdyn_failure

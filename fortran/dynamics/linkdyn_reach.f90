@@ -13,42 +13,44 @@ module linkdyn_reach
 
 contains
 
-    !> The range of coordinate k about a place where the mechanism is assembled.
-    subroutine find_reach(model, k, q, branch, place, lowest, highest, is_limited)
+    !> The ranges of some coordinates about a place where the mechanism is assembled: two ways each, side by side.
+    subroutine find_reach(model, which, q, branch, place, lowest, highest, is_limited)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: k
+        integer, intent(in) :: which(:)                !! coordinates
         real(wp), intent(in) :: q(:)                   !! (n_q)
         real(wp), intent(in) :: branch(:)              !! (n_branch)
         real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
-        real(wp), intent(out) :: lowest, highest       !! [m, rad]
-        logical, intent(out) :: is_limited             !! false: an angle goes all the way round, a slide or nut farther than the mechanism is long
+        real(wp), intent(out) :: lowest(:), highest(:) !! (size(which)) [m, rad]
+        logical, intent(out) :: is_limited(:)          !! false: an angle goes all the way round, a slide or nut farther than the mechanism
+                                                       !! is long (size(which))
         real(wp), parameter :: longest = 10            !! sizes of the mechanism
         type(kinematic_state) :: state
         type(way_report) :: report
-        real(wp) :: from(lanes, model%n_q), span
-        logical :: goes(lanes)
+        real(wp) :: from(lanes, model%n_q), span(size(which)), reached(2*size(which))    ! way down, way up
+        logical :: goes(lanes), arrives(2*size(which))
+        integer :: first, lane, i
 
-        call prepare_kinematics(model, 0, state)
-        if (model%n_branch > 0) state%branch = spread(branch, 1, lanes)
-        if (size(model%group) > 0) state%group%place = spread(place, 1, lanes)
-        span = two_pi
-        if (is_length(model, k) .or. is_screw(model, k)) span = longest/stride_part*model%stride(k)
+        span = [(merge(longest/stride_part*model%stride(which(i)), two_pi, &
+                       is_length(model, which(i)) .or. is_screw(model, which(i))), i=1, size(which))]
         from = spread(q, 1, lanes)
-        state%q = from
-        state%q(1, k) = q(k) - span
-        state%q(2:, k) = q(k) + span
-        goes = .true.
-        call lead_mechanism(model, goes, from, .true., state, report)
-        lowest = q(k) - span*report%reached(1)
-        highest = q(k) + span*report%reached(lanes)
-        is_limited = .not. (arrives(1) .and. arrives(lanes))
-
-    contains
-
-        pure logical function arrives(lane)
-            integer, intent(in) :: lane
-
-            arrives = any(report%outcome(lane) == [way_arrived, way_at_singularity])
-        end function arrives
+        do first = 1, size(reached), lanes
+            call prepare_kinematics(model, 0, state)
+            if (model%n_branch > 0) state%branch = spread(branch, 1, lanes)
+            if (size(model%group) > 0) state%group%place = spread(place, 1, lanes)
+            state%q = from
+            goes = [(first + lane <= size(reached), lane=0, lanes - 1)]
+            do lane = 1, count(goes)
+                i = (first + lane)/2
+                state%q(lane, which(i)) = q(which(i)) + merge(-span(i), span(i), modulo(first + lane, 2) == 0)
+            end do
+            call lead_mechanism(model, goes, from, .true., state, report)
+            do lane = 1, count(goes)
+                reached(first + lane - 1) = report%reached(lane)
+                arrives(first + lane - 1) = any(report%outcome(lane) == [way_arrived, way_at_singularity])
+            end do
+        end do
+        lowest = q(which) - span*reached(1::2)
+        highest = q(which) + span*reached(2::2)
+        is_limited = .not. (arrives(1::2) .and. arrives(2::2))
     end subroutine find_reach
 end module linkdyn_reach
