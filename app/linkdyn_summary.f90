@@ -515,6 +515,10 @@ contains
             type(peak_type), intent(in) :: peak
 
             if (.not. peak%is_set) return
+            if (.not. peak%value > 0) then
+                write (unit, "(a)") "  "//what//"  "//right("none", 12)
+                return
+            end if
             write (unit, "(a)") "  "//what//"  "//right(significant(sqrt(peak%value)), 12)//" "//unit_name//"  at "// &
                 trim(layout%dimension(dim_joint)%label(peak%place))//", t = "//significant(peak%time)//" s"
         end subroutine print_reaction

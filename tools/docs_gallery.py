@@ -24,7 +24,7 @@ GROUPS = {
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
     "More constraints than needed": ("agile_eye", "tripteron"),
     "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar"),
-    "Cams and slots": ("valve_train",),
+    "Cams and slots": ("valve_train", "thread_guide"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
                   "stopped_rocker", "hill_start", "hoist", "belt_drive", "fivebar_pick"),

@@ -6,7 +6,7 @@ module linkdyn_builder
     use linkdyn_cross, only: cross
     use linkdyn_gear_fit, only: gears_fit, settle_phases
     use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts
-    use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
+    use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: have_same_course
@@ -290,6 +290,7 @@ contains
         call find_idle_spins(model, spin)
         call refuse_eccentric(model, spin, status)
         if (.not. allocated(model%scene%hold)) call choose_holds(model, spin, model%scene%hold)
+        call refuse_unheld(model, spin, model%scene%hold, status)
         call hold_spins(model, model%scene%hold)
     end subroutine settle_spins
 

@@ -22,7 +22,7 @@ module linkdyn_idle_spin
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: idle_spin, find_idle_spins, refuse_eccentric, hold_spins, square_to
+    public :: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins, square_to
 
     !> Links that spin as one.
     type :: idle_spin
@@ -241,6 +241,33 @@ contains
                       //"place of a spherical one)")
         end do
     end subroutine refuse_eccentric
+
+    !> A spin for which no ball is left: two links that spin on either side of the same one.
+    subroutine refuse_unheld(model, spin, hold, status)
+        type(model_type), intent(in) :: model
+        type(idle_spin), intent(in) :: spin(:)
+        type(hold_spec), intent(in) :: hold(:)
+        type(status_type), intent(inout) :: status
+        integer :: i, k
+
+        do i = 1, size(spin)
+            if (.not. status%is_ok()) return
+            if (any([(holds(hold(k), spin(i)), k=1, size(hold))])) cycle
+            k = findloc(hold%joint, spin(i)%ball(1), dim=1)
+            call fail(status, status_bad_input, spin_in_words(model, spin(i))//", and so may "//quoted(hold(k)%links)// &
+                      " on the other side of "//quoted(model%joint(hold(k)%joint)%name)// &
+                      ": neither is determined (expected a prismatic joint in place of a cylindrical one)")
+        end do
+
+    contains
+
+        pure logical function holds(one, of)
+            type(hold_spec), intent(in) :: one
+            type(idle_spin), intent(in) :: of
+
+            holds = any(of%ball == one%joint) .and. any(of%link == model%joint(one%joint)%link(one%side))
+        end function holds
+    end subroutine refuse_unheld
 
     !> What feels the spin of some links; empty: nothing.
     function why_spin_matters(model, spin) result(why)

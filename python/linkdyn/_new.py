@@ -57,8 +57,8 @@ def new(kind: str) -> Scene:
     Parameters
     ----------
     kind
-        "four-bar", "slider-crank", "six-bar", "five-bar", "3-rrr", "arm", "excavator", "scissor-lift", "delta" or "hexapod": what
-        ``linkdyn new`` lists. ``scene.text`` is the file with its comments, ``scene.with_({"variables.L": ..})`` the scene in another size.
+        "four-bar", "slider-crank", "quick-return", "six-bar", "five-bar", "cam", "3-rrr", "arm", "excavator", "scissor-lift", "delta" or
+        "hexapod": what ``linkdyn new`` lists. ``scene.text`` is the file with its comments, ``scene.with_({"variables.L": ..})`` the scene in another size.
 
     Raises
     ------

@@ -294,6 +294,11 @@ def test_shoes_on_a_swash_plate() -> None:
         np.testing.assert_allclose(plate[:, 0], -np.tan(0.3) * push, atol=1e-9)
     np.testing.assert_allclose(run.driving_force.values[:, 0], torque, atol=1e-10)
     np.testing.assert_allclose(scene.inverse(solver="reduced").driving_force, run.driving_force, atol=1e-10)
+    # Two spins at one ball are told.
+    loose = swash_pump()
+    loose["joint"][1]["type"] = "cylindrical"
+    with pytest.raises(linkdyn.SceneError, match="link 'shoe0' may spin .* and so may 'piston0' on the other side of 'S0': neither .* prismatic joint in place of a cyl"):
+        linkdyn.Scene(loose)
     # A friction of the shoe would have to know how it turns.
     rubs = swash_pump() | {"friction": [{"joint": "P0", "coulomb": 0.1}]}
     with pytest.raises(linkdyn.SceneError, match="friction at joint 'P0' holds it back"):

@@ -57,6 +57,16 @@ def test_every_kind_has_a_sheet(kind, tmp_path):
     ET.fromstring(file.read_text(encoding="utf-8"))
 
 
+def test_power_that_is_rounding_is_no_warning(tmp_path):
+    # In a cam's dwell nothing takes any power: what is left is rounding, and its balance says nothing.
+    run = linkdyn.new("cam").inverse()
+    assert np.abs(run.power_imbalance).max() > 1e-3 and np.abs(run.driving_power).max() > 100
+    assert "Warnings" not in read(linkdyn.sheet(run, tmp_path / "run.html"))[1]
+    run.power_imbalance[int(np.abs(run.driving_power.values[:, 0]).argmax())] = 1e-6
+    _, tables = read(linkdyn.sheet(run, tmp_path / "run.html"))
+    assert "the power balance is off by 1e-06 of its terms" in tables["Warnings"][0][0].text
+
+
 def test_names_beside_lines_do_not_overlap():
     for kind in ("hexapod", "delta", "excavator", "six-bar"):
         run = linkdyn.new(kind).inverse()
