@@ -233,7 +233,7 @@ contains
         integer, intent(in) :: g
         type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
-        real(wp), intent(out) :: correction(:, :), rate(:, :)    !! (lane, row)
+        real(wp), intent(out), contiguous :: correction(:, :), rate(:, :)    !! (lane, row)
         real(wp), intent(out) :: margin(lanes)
         logical, intent(out) :: has_no_pivot(lanes)
         logical, intent(out) :: is_recorded(lanes)       !! of the others there is no rate

@@ -21,8 +21,8 @@ contains
         real(wp), intent(in) :: branch(:)              !! (n_branch)
         real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
         real(wp), intent(out) :: lowest(:), highest(:) !! (size(which)) [m, rad]
-        logical, intent(out) :: is_limited(:)          !! false: an angle goes all the way round, a slide or nut farther than the mechanism
-                                                       !! is long (size(which))
+        !> False: an angle goes all the way round, a slide or nut farther than the mechanism is long (size(which))
+        logical, intent(out) :: is_limited(:)
         real(wp), parameter :: longest = 10            !! sizes of the mechanism
         type(kinematic_state) :: state
         type(way_report) :: report

@@ -3,7 +3,8 @@
 !> With somebody who makes the groups' steps (`group_closer`) they are led to the nodes of a grid in the space of the
 !> coordinates, as far as there are samples about, and samples are closed from the node nearest to them. That is believed where
 !> the step from there is, by the rule of `linkdyn_following`, and where nothing can lie between the straight ways from the
-!> start to the node and to the sample that would end the latter elsewhere. What a sample gives depends on no other one.
+!> start to the node and to the sample that would end the latter elsewhere. What a sample gives depends on no other one. Nodes, and
+!> samples for which none serves, are led by these steps alone where they lead there; the lanes lead the others.
 !>
 !> Few samples do not pay for nodes of their own; nodes that they had are kept (`known_nodes`), for those who ask for pose after
 !> pose: who comes back to where somebody has been finds what he would find without, and sooner.
@@ -513,6 +514,7 @@ contains
             if (is_interrupted()) cycle
             n = min(lanes, size(which) - first + 1)
             goes = .false.
+            longest = 1
             do lane = 1, n
                 associate (sample => which(first + lane - 1))
                     call find_way(model, repeats_here, q(:, sample), way)
