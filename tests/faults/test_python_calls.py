@@ -135,7 +135,7 @@ def test_calls_in_other_threads_are_not_disturbed():
 @pytest.mark.parametrize("n", [100_000, 2**31 - 1])
 def test_any_number_of_threads(call, n):
     """More than the system would start: OpenMP alone ends the process then."""
-    result = python(f"q, qd, _ = platform.motion([0.1])\n{call.format(n=n)}\nprint('done')")
+    result = python(f"q, qd, _ = platform.motion([0.0])\n{call.format(n=n)}\nprint('done')")
     assert result.stdout == "done\n", result
 
 
@@ -145,7 +145,7 @@ def test_processes_forked_behind_threads():
         q, qd, _ = platform.motion(np.linspace(0, 0.5, 3000))
         def work(k):
             force = platform.solve(q, threads=2)["driving_force"]
-            members = platform.ensemble(np.repeat(q[:1], 100, axis=0), np.repeat(qd[:1], 100, axis=0), [0, 0.01], threads=2).q.values
+            members = platform.ensemble(np.tile(q[0], (100, 1)), np.tile(qd[0], (100, 1)), [0, 0.01], threads=2).q.values
             swept = platform.sweep({"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 500]}]}, threads=2)
             return force, members, swept.driving_force_max.values
         want = work(0)

@@ -51,7 +51,9 @@ NONSENSE = {
 @pytest.fixture(scope="module")
 def scene() -> linkdyn.Scene:
     scene = linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml")
-    return scene.with_({"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]}})
+    # a law of its own: members of an ensemble start off the motion
+    law = {"type": "constant", "value": 0.0}
+    return scene.with_({"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]}, "actuator.J1.law": law})
 
 
 Q, POINT = [[0.1], [0.2]], lecture.Point((0.1, 0.2))
