@@ -128,7 +128,7 @@ def test_calls_in_other_threads_are_not_disturbed():
 @pytest.mark.thorough
 @pytest.mark.parametrize("call", [
     "platform.solve(np.repeat(q, 999, axis=0), threads={n})",
-    "platform.ensemble(np.repeat(q, 99, axis=0), np.repeat(qd, 99, axis=0), [0.1, 0.11], threads={n})",
+    "platform.ensemble(np.repeat(q, 99, axis=0), np.repeat(qd, 99, axis=0), [0, 0.01], threads={n})",
     "platform.sweep({{'chunk': 1, 'axis': [{{'coordinate': 'platform.x', 'linspace': [-1.6, -1.4, 999]}}]}}, threads={n})",
     "platform.forward(0.01, threads={n})",
 ], ids=["solve", "ensemble", "sweep", "forward"])

@@ -71,7 +71,7 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
     "forward": (lambda scene: scene.forward, {
         "t_end": 0.01, "method": "rk4", "step": 1e-3, "rtol": 1e-9, "atol": 1e-9, "want": "all", "solver": "lapack", "threads": 2}),
     "forward to instants": (lambda scene: scene.forward, {"t": [0.0, 0.01]}),
-    "ensemble": (lambda scene: scene.with_({"actuator": []}).ensemble, {"q": Q, "qd": Q, "t": [0.0, 0.01], "step": 1e-3, "threads": 2}),
+    "ensemble": (lambda scene: scene.ensemble, {"q": Q, "qd": Q, "t": [0.0, 0.01], "step": 1e-3, "threads": 2}),
     "sweep": (lambda scene: scene.sweep, {"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]},
                                           "keep": "driving_force", "solver": "lapack", "threads": 2}),
     "study": (lambda scene: scene.study, {"t_end": 0.001}),
