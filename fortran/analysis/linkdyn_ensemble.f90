@@ -3,7 +3,6 @@ module linkdyn_ensemble
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: count_passed
     use linkdyn_event_log, only: event_log, event_entry, add_entry
-    use linkdyn_forward, only: refuse_other_start
     use linkdyn_forward_course, only: start_integrator, go_to
     use linkdyn_forward_phase, only: forward_options, rates_by_record
     use linkdyn_forward_record, only: evaluations_before_record
@@ -125,10 +124,6 @@ contains
             call hold_programs(run%system%shared, shared)
             call hold_texts()
             call build_forward_system(model, options%stage_solver, run%system, status)
-            do i = 1, lanes
-                if (status%is_ok()) call refuse_other_start(model, run%system%by_inverse, options%t_start, q_start(:, member(i)), &
-                                                            qd_start(:, member(i)), status)
-            end do
             call release_texts()
             if (status%is_ok()) then
                 run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps

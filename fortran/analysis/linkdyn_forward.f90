@@ -41,8 +41,7 @@ module linkdyn_forward
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, refuse_other_start, coordinates_in_words, rounding_in_words
-    public :: integrator_options, choose_method, method_name, default_method
+    public :: run_forward, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
     !> Where the results of a chunk go; what is not associated is not computed.
@@ -96,7 +95,7 @@ contains
         if (.not. status%is_ok()) return
         allocate (run%y(lanes, run%system%n))
         call scene_start(model, options%t_start, q, qd)
-        call refuse_other_start(model, run%system%by_inverse, options%t_start, q, qd, status)
+        call refuse_other_start(run, options%t_start, q, qd, status)
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
@@ -132,9 +131,8 @@ contains
 
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
-    subroutine refuse_other_start(model, by_inverse, t, q, qd, status)
-        type(model_type), intent(in) :: model
-        logical, intent(in) :: by_inverse(:)           !! drives that apply what the motion asks for (n_actuator)
+    subroutine refuse_other_start(run, t, q, qd, status)
+        type(forward_run), intent(in) :: run
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: q(:), qd(:)            !! at the start
         type(status_type), intent(inout) :: status
@@ -145,15 +143,15 @@ contains
         real(wp) :: apart
         integer :: k, actuator
 
-        actuator = findloc(by_inverse, .true., dim=1)
+        actuator = findloc(run%system%by_inverse, .true., dim=1)
         if (actuator == 0) return
-        allocate (load(6, model%n_load, 1))
-        call evaluate_motion(model, [t], on_q, on_qd, on_qdd, load)
+        allocate (load(6, run%own%n_load, 1))
+        call evaluate_motion(run%own, [t], on_q, on_qd, on_qdd, load)
         do k = 1, size(q)
-            associate (c => model%scene%coordinate(k))
+            associate (c => run%own%scene%coordinate(k))
                 if (c%motion%kind == law_none) cycle
                 apart = abs(q(k) - on_q(k, 1))
-                if (repeats(model, k)) apart = abs(least_angle(apart))
+                if (repeats(run%own, k)) apart = abs(least_angle(apart))
                 where = ""
                 if (apart > fit*max(1.0_wp, abs(q(k)))) then
                     where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)
@@ -163,7 +161,7 @@ contains
                 end if
                 if (where == "") cycle
                 call fail(status, status_bad_input, "coordinate "//quoted(c%name)//" starts "//where &
-                    //": the law ""inverse"" of actuator "//quoted(model%scene%actuator(actuator)%name) &
+                    //": the law ""inverse"" of actuator "//quoted(run%own%scene%actuator(actuator)%name) &
                     //" gives the forces of that motion only (expected no 'start', 'driven', or another law)")
                 return
             end associate

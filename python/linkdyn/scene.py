@@ -685,8 +685,7 @@ class Scene:
         Raises
         ------
         InputError
-            Wrong shapes, numbers that are not finite, instants that do not increase, a step that is not positive, a start off the motion whose
-            forces a drive applies (law "inverse").
+            Wrong shapes, numbers that are not finite, instants that do not increase, a step that is not positive.
         """
         instants = self._increasing(t)
         settings = (as_real("step", step), as_count("threads", threads))

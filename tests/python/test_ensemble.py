@@ -68,8 +68,8 @@ def test_members_that_cannot_go_on_say_why() -> None:
     """A group that closes at the start alone ends every member there, each for its own reason and without a search that has no
     end; one that the step is too long for meets angles that no iteration can follow, or no numbers."""
     folding = linkdyn.load(Path(__file__).parent / "scenes" / "group_at_its_end.toml")
-    start, rate, _ = folding.motion(0.0)
-    run = folding.ensemble(np.tile(start, (3, 1)), np.tile(rate, (3, 1)), np.linspace(0.0, 0.05, 3), step=0.0125)
+    start = folding.inverse(t=[0.0]).q.values
+    run = folding.ensemble(np.repeat(start, 3, axis=0), np.zeros((3, start.shape[1])), np.linspace(0.0, 0.05, 3), step=0.0125)
     assert status_names(run) == ["unreachable"] * 3
     assert np.all(run.good_until < 0.05) and np.isnan(run.q.values[:, -1]).all()
     stiff = linkdyn.load(Path(__file__).parent / "scenes" / "stiff_spring.toml")
@@ -92,15 +92,3 @@ def test_bad_input(motors: linkdyn.Scene) -> None:
     q[2, 1] = np.nan
     with pytest.raises(linkdyn.InputError, match="J5"):
         motors.ensemble(q, qd, TIMES)
-
-
-def test_a_start_off_the_motion_is_refused_as_of_a_run() -> None:
-    """Drives with the law "inverse" apply the forces of the scene's motion: from elsewhere they move the mechanism along another one."""
-    scene = linkdyn.load(EXAMPLES / "slider_crank" / "scene.toml")
-    q, qd, _ = scene.motion(0.0)
-    t = np.linspace(0.0, 0.01, 3)
-    on = scene.ensemble(np.vstack([q, q]), np.vstack([qd, qd]), t)
-    assert not on.status.values.any()
-    for far in (q + 0.1, q), (q, qd + 1.0):
-        with pytest.raises(linkdyn.InputError, match="its motion .* the law \"inverse\" of actuator"):
-            scene.ensemble(np.vstack([q, far[0]]), np.vstack([qd, qd if far[1] is q else far[1]]), t)
