@@ -116,6 +116,8 @@ def set_limits(ax: Any, postures: Postures) -> None:
         scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=6 if postures.scene.planar else max(2, round(6 * part)))
         if size >= LARGE:
             getattr(ax, f"set_{name}label")(f"{name} [m]")
+        if not postures.scene.planar:
+            getattr(ax, f"{name}axis").labelpad = 8     # matplotlib's own lies over numbers of three digits
     if postures.scene.planar:
         ax.set_aspect("equal")
     else:
