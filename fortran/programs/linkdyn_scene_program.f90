@@ -132,6 +132,16 @@ contains
         if (allocated(program%input)) deallocate (program%input)
     end subroutine free_scene_program
 
+    !> Room for a block of samples, from whoever comes first.
+    subroutine need_block(program, space)
+        type(scene_program), intent(in) :: program
+        type(program_space), intent(inout) :: space
+
+        if (space%lanes > 0) return
+        call make_space(program%program, .false., space%block)
+        space%lanes = block_lanes()
+    end subroutine need_block
+
     !> Samples first, ..., first + count - 1 of the arrays to the slots; of one block only, if the others are there already.
     subroutine load_samples(program, arrays, first, count, space, only_block)
         type(scene_program), intent(in) :: program
@@ -141,10 +151,7 @@ contains
         integer, intent(in), optional :: only_block
         integer :: k
 
-        if (space%lanes == 0) then
-            call make_space(program%program, .false., space%block)
-            space%lanes = block_lanes()
-        end if
+        call need_block(program, space)
         do k = 1, size(program%input)
             if (present(only_block)) then
                 if (program%input(k)%block /= only_block) cycle
@@ -232,10 +239,7 @@ contains
         type(program_space), intent(inout) :: space
         integer :: k
 
-        if (space%lanes == 0) then
-            call make_space(program%program, .false., space%block)
-            space%lanes = block_lanes()
-        end if
+        call need_block(program, space)
         do k = 1, size(program%input)
             associate (s => program%input(k), x => arrays%of(program%input(k)%block)%x)
                 call put_columns(count, size(x, 1), x(first, s%first), s%n, s%slot, space%block)
