@@ -832,3 +832,43 @@ def test_both_pins_of_a_universal_joint(solver: str) -> None:
     np.testing.assert_allclose(turned_back, expected, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(held, 0, atol=1e-15)
     np.testing.assert_allclose(run.friction_power.values[0, 0], -expected @ (rates @ axes), rtol=1e-12)
+
+
+@pytest.mark.parametrize("tolerances", [np.geomspace(1e-11, 1e-9, 12), np.geomspace(1e-9, 1e-6, 25)], ids=["fine", "coarse"])
+def test_kinks_are_not_taken_for_rounding(tolerances: np.ndarray) -> None:
+    """A stiff method whose Jacobian is taken on one side of a kink, and a millionth of the step later on the other."""
+    scene = linkdyn.Scene({
+        "space": "planar",
+        "gravity": [0, -9.81],
+        "frame": {"markers": {"O": [0, 0]}},
+        "link": [
+            {"name": "cart", "mass": 1.69, "markers": {"O": [0, 0]}},
+            {"name": "pole", "mass": 0.402, "cog": [0.192, 0.02], "inertia": 0.0261, "markers": {"O": [0, 0], "P": [0.5, 0]}},
+        ],
+        "joint": [
+            {"name": "X", "type": "prismatic", "between": ["frame.O", "cart.O"]},
+            {"name": "J", "type": "revolute", "between": ["cart.O", "pole.O"]},
+        ],
+        "coordinate": [{"joint": "X", "start": {"velocity": -0.105, "position": 0}}, {"joint": "J", "start": {"position": 1.81, "velocity": 1.79}}],
+        "payload": [{"on": "pole.P", "mass": 0.548, "from": 0.12, "until": 0.288}],
+        "spring": [
+            {"name": "S", "joint": "J", "stiffness": 171, "damping": 1.73},
+            {"name": "S2", "between": ["frame.O", "pole.P"], "stiffness": 6.88, "damping": 1.68, "rest": 0.142},
+        ],
+        "load": [{
+            "on": "pole.P",
+            "force": [
+                {"law": "harmonic", "amplitude": 1.08, "frequency": 23.8},
+                {"law": "cycloidal", "from": 0, "to": 0.754, "begin": 0.1, "duration": 0.2},
+            ],
+            "axes": "world",
+        }],
+        "friction": [{"joint": "X", "coulomb": 0.293, "creep_speed": 0.0197}],
+        "actuator": [{"joint": "X", "law": {"type": "constant", "value": 1.8}}],
+    })  # fmt: skip
+    t = np.linspace(0.0, 0.5, 6)
+    exact = scene.forward(t=t, method="gbs", rtol=1e-12, atol=1e-12).q.values[-1]
+    for tolerance in tolerances:
+        run = scene.forward(t=t, method="seulex", rtol=tolerance, atol=tolerance)
+        assert run.attrs["stopped"] == "", tolerance
+        np.testing.assert_allclose(run.q.values[-1], exact, atol=1e4 * tolerance)
