@@ -17,8 +17,10 @@ import linkdyn
 from linkdyn._new import SCENES, kinds
 from linkdyn.cli import executable
 
-KINDS = ("3-rrr", "arm", "delta", "excavator", "five-bar", "four-bar", "hexapod", "scissor-lift", "six-bar", "slider-crank")
-NO_FORWARD = ("delta", "excavator", "scissor-lift", "hexapod")
+KINDS = (
+    "3-rrr", "arm", "cam", "delta", "excavator", "five-bar", "four-bar", "hexapod", "quick-return", "scissor-lift", "six-bar", "slider-crank",
+)  # fmt: skip
+NO_FORWARD = ("cam", "delta", "excavator", "scissor-lift", "hexapod")
 """Their text promises no forward run."""
 
 
@@ -53,7 +55,8 @@ def test_forces_balance(kind):
     scene = linkdyn.new(kind)
     run = scene.inverse(want="all")
     assert (run.status == 0).all() and float(np.abs(run.driving_force).max()) > 0.1
-    assert float(np.abs(run.power_imbalance).max()) < 1e-9
+    at_work = np.abs(run.driving_power).max("actuator") > 1e-9 * float(np.abs(run.driving_power).max())  # not in the dwell of a cam
+    assert float(np.abs(run.power_imbalance[at_work]).max()) < 1e-9
     other = scene.inverse(solver="lapack")
     np.testing.assert_allclose(run.driving_force, other.driving_force, rtol=0, atol=1e-9 * float(np.abs(run.driving_force).max()))
     if "assembly" in run:
