@@ -50,8 +50,8 @@ contains
         type(bounce_watch) :: bounce
         integer :: v, k
 
-        allocate (choice%joint(0), choice%link(0), choice%compared(2, 0), choice%coordinate(0), choice%angle(2, 0))
-        if (turns_by_itself(model)) choice%angle = angles_of_joints(model)
+        allocate (choice%joint(0), choice%link(0), choice%compared(2, 0), choice%coordinate(0))
+        choice%angle = angles_to_see(model)
         call prepare_bounce_watch(model, is_free, bounce)
         if (bounce%is_on) then
             choice%joint = bounce%joint
@@ -64,21 +64,22 @@ contains
         choice%compared = choice%compared(:, pack([(v, v=1, model%n_variable)], watch%is_candidate))
     end subroutine choose_looks
 
-    !> All joint angles, by joint and place in it: what of them turns by itself is followed by how fast any of them turns.
-    pure function angles_of_joints(model) result(angle)
+    !> All joint angles, by joint and place in it: what of them turns by itself is followed by how fast any of them turns. None, if
+    !> nothing does.
+    pure function angles_to_see(model) result(angle)
         type(model_type), intent(in) :: model
         integer, allocatable :: angle(:, :)            ! (2, angle)
         integer, allocatable :: listed(:)
         integer :: j, v
 
         allocate (listed(0))
-        do j = 1, model%n_joint
+        do j = 1, merge(model%n_joint, 0, turns_by_itself(model))
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 if (.not. is_slide(model%joint(j)%told_kind, v)) listed = [listed, j, v]
             end do
         end do
         angle = reshape(listed, [2, size(listed)/2])
-    end function angles_of_joints
+    end function angles_to_see
 
     !> Use a record of the scene, if that can look.
     subroutine use_looks(model, recorded, look)
@@ -99,8 +100,7 @@ contains
         integer, allocatable :: variable(:)
         integer, allocatable :: angle(:, :)
 
-        allocate (angle(2, 0))
-        if (turns_by_itself(model)) angle = angles_of_joints(model)
+        angle = angles_to_see(model)
         variable = model%joint(angle(1, :))%first_variable + angle(2, :)
     end function angles_seen
 

@@ -772,7 +772,8 @@ contains
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         self%control%state%blind = 0
-        is_seen = sees_accepted(self, t, y, is_accepted)
+        is_seen = .false.
+        if (self%assembly%is_needed .or. wraps_anywhere(self%of_joints)) is_seen = sees_accepted(self, t, y, is_accepted)
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             if (is_seen) is_seen = accept_by_look(self, t, y, is_accepted)

@@ -9,9 +9,9 @@ module linkdyn_builder
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
-    use linkdyn_laws, only: have_same_course
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_laws, only: have_same_course
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
