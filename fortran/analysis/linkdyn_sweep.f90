@@ -82,7 +82,10 @@ contains
         associate (design => run%design(1))
             if (run%plan%n_design > 1) then
                 call open_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
-                if (design%status%is_ok()) call found_family(design%model, run%source%family)
+                if (design%status%is_ok()) then
+                    run%source%first = design%model
+                    call found_family(design%model, run%source%family)
+                end if
                 call close_design(design)
             end if
             call ready_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)

@@ -84,7 +84,7 @@ contains
             ! several threads open designs at once
             call hold_texts()
             call source%make(axis_values(plan, number*plan%n_pose), scene, design%status)
-            if (design%status%is_ok()) call build_model(scene, design%model, design%status)
+            if (design%status%is_ok()) call build_model(scene, design%model, design%status, like=source%first)
             call release_texts()
         end if
         if (design%status%is_ok()) call plan_design(spec, plan, row, design)

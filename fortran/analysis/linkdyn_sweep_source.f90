@@ -2,6 +2,7 @@
 module linkdyn_sweep_source
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     implicit none (type, external)
@@ -10,6 +11,7 @@ module linkdyn_sweep_source
 
     type, abstract :: design_source
         type(kernel_family), pointer :: family => null()   !! of the designs; null: each has kernels of its own
+        type(model_type), allocatable :: first             !! design: others that stand as it does take its assembly
     contains
         procedure(make_scene), deferred :: make
         procedure(free_source), deferred :: free

@@ -1,5 +1,6 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
+    use linkdyn_alike_starts, only: stand_alike
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: list_contacts
@@ -40,26 +41,38 @@ contains
     !> Check and plan the scene.
     !>
     !> **Errors**: `status_bad_input` with the links and joints concerned when the mechanism cannot be computed.
-    subroutine build_model(scene, model, status, closed_forms)
+    subroutine build_model(scene, model, status, closed_forms, like)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(out) :: model
         type(status_type), intent(out) :: status
         logical, intent(in), optional :: closed_forms    !! false: all links are placed by Newton's method, to compare with
+        type(model_type), intent(in), optional :: like   !! of another scene: where that stands alike, its assembly is taken
         type(scene_type) :: with_holds
+        type(model_type) :: at_start
+        logical :: is_known
 
         call check_code(status)
         if (.not. status%is_ok()) return
-        call plan_scene(scene, model, status, closed_forms)
+        is_known = .false.
+        if (present(like)) is_known = stand_alike(scene, like%scene)
+        if (is_known) then
+            with_holds = scene
+            with_holds%hold = like%scene%hold
+            call plan_scene(with_holds, model, status, closed_forms, like)
+        else
+            call plan_scene(scene, model, status, closed_forms)
+        end if
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
         if (status%is_ok()) call settle_phases(model, status)
         if (status%is_ok()) call refuse_open_friction(model, status)
         call refuse_idle_preloads(model, status)
-        if (.not. status%is_ok() .or. allocated(scene%hold)) return
+        if (.not. status%is_ok() .or. allocated(scene%hold) .or. is_known) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
         with_holds = scene
         with_holds%hold = holds_at_start(model)
-        call plan_scene(with_holds, model, status, closed_forms)
+        at_start = model
+        call plan_scene(with_holds, model, status, closed_forms, at_start)
         if (status%is_ok()) call settle_phases(model, status)
     end subroutine build_model
 
@@ -166,11 +179,12 @@ contains
     end function holds_at_start
 
     !> Constants, plan and assembly.
-    subroutine plan_scene(scene, model, status, closed_forms)
+    subroutine plan_scene(scene, model, status, closed_forms, like)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(out) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms
+        type(model_type), intent(in), optional :: like   !! a model that stands as this one will
         integer :: i, n_belt
 
         n_belt = 0
@@ -224,8 +238,8 @@ contains
         if (status%is_ok()) call list_legs(model)
         call choose_strides(model)
         if (status%is_ok()) call prepare_margins(model)
-        call assemble_start(model, status)
-        call assemble_in_space(model, status)
+        call assemble_start(model, status, like)
+        call assemble_in_space(model, status, like)
     end subroutine plan_scene
 
     !> The links of the UPS legs.

@@ -25,7 +25,7 @@ module linkdyn_group_start
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: find_group_start, is_same
+    public :: find_group_start, take_group_start, is_same
 
     integer, parameter :: n_attempt = 64
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
@@ -86,6 +86,40 @@ contains
         end associate
     end subroutine find_group_start
 
+    !> As `find_group_start`, by the places that were found for a model that stands likewise; nothing, if it has none, or these do
+    !> not close here.
+    subroutine take_group_start(model, step, like, state, n_found, is_known)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(model_type), intent(in) :: like
+        type(kinematic_state), intent(inout) :: state
+        integer, intent(out) :: n_found
+        logical, intent(out) :: is_known
+        real(wp) :: place(place_size(model), model%n_link)
+        integer :: g, i
+
+        n_found = 0
+        associate (group => model%group(step%first))
+            do i = 1, size(group%link)
+                is_known = .false.
+                do g = 1, size(like%group)
+                    associate (other => like%group(g))
+                        if (all(other%link /= group%link(i))) cycle
+                        place(:, group%link(i)) = other%start(:, findloc(other%link, group%link(i), dim=1))
+                        n_found = max(n_found, other%n_found)
+                        is_known = .true.
+                    end associate
+                end do
+                if (.not. is_known) return
+            end do
+            state%group%place = spread(place, 1, lanes)
+            call clear_flags(state)
+            call run_step(model, step, state)
+            is_known = .not. (state%not_converged(1) .or. state%singular(1))
+            if (is_known) is_known = is_same(model, group, state%group%place(1, :, :), place)
+        end associate
+    end subroutine take_group_start
+
     !> Is an assembly none of those found?
     pure logical function is_new(model, group, place, found)
         type(model_type), intent(in) :: model
@@ -103,7 +137,7 @@ contains
     pure logical function is_same(model, group, a, b)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
-        real(wp), intent(in) :: a(:, :), b(:, :)           !! (place_size, n_link)
+        real(wp), intent(in), contiguous :: a(:, :), b(:, :)    !! (place_size, n_link)
         real(wp), parameter :: fit = 1.0e-6_wp
         integer :: i
 

@@ -4,32 +4,33 @@
 !> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
 !> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1.
 module linkdyn_planar_start
-    use linkdyn_group_start, only: find_group_start
+    use linkdyn_group_start, only: find_group_start, take_group_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
-    use linkdyn_laws, only: evaluate_law
+    use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
     use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
-    use linkdyn_scene, only: law_none, joint_prismatic
+    use linkdyn_scene, only: joint_prismatic
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, start_of_coordinate, start_group
+    public :: assemble_start, start_group
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
 contains
 
     !> Fill `model%start_q`, `model%branch` and the groups' starts.
-    subroutine assemble_start(model, status)
+    subroutine assemble_start(model, status, like)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         type(kinematic_state) :: state
         integer :: i, k
 
@@ -38,7 +39,7 @@ contains
         model%branch = 1
         model%chosen_by = by_nothing
         do k = 1, model%n_q
-            model%start_q(k) = start_of_coordinate(model, k)
+            model%start_q(k) = start_of_coordinate(model%scene, k)
         end do
         do i = 1, size(model%group)
             model%group(i)%start = 0
@@ -53,7 +54,7 @@ contains
             associate (step => model%step(i))
                 if (is_dyad(step%kind)) call choose_branch(model, step, state, status)
                 if (step%kind == step_group) then
-                    call start_group(model, step, state, status)
+                    call start_group(model, step, state, status, like)
                 else
                     call run_step(model, step, state)
                 end if
@@ -61,19 +62,6 @@ contains
             if (.not. status%is_ok()) return
         end do
     end subroutine assemble_start
-
-    !> As written, or where the motion begins.
-    real(wp) function start_of_coordinate(model, k) result(q)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: k
-        real(wp) :: rate, rate2
-
-        associate (c => model%scene%coordinate(k))
-            q = c%start_position
-            if (.not. c%has_start .and. c%motion%kind /= law_none) &
-                call evaluate_law(c%motion, model%scene%time%first, q, rate, rate2)
-        end associate
-    end function start_of_coordinate
 
     ! ---------------------------------------------------------------- dyads
 
@@ -170,14 +158,18 @@ contains
     !> Find the assembly of a group at the start, in a plane or in space.
     !>
     !> **Errors**: `status_bad_input` for a group that cannot be closed there.
-    subroutine start_group(model, step, state, status)
+    subroutine start_group(model, step, state, status, like)
         type(model_type), intent(inout) :: model
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         integer :: n_found
+        logical :: is_known
 
-        call find_group_start(model, step, state, n_found)
+        is_known = .false.
+        if (present(like)) call take_group_start(model, step, like, state, n_found, is_known)
+        if (.not. is_known) call find_group_start(model, step, state, n_found)
         associate (group => model%group(step%first))
             group%n_found = n_found
             group%chosen_by = merge(by_start, by_nothing, has_start(model, group%link, group%joint))

@@ -8,7 +8,8 @@ module linkdyn_spatial_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_csp, step_group, by_branch, by_start, by_nothing
-    use linkdyn_planar_start, only: start_of_coordinate, start_group
+    use linkdyn_laws, only: start_of_coordinate
+    use linkdyn_planar_start, only: start_group
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type
     implicit none (type, external)
@@ -20,14 +21,15 @@ contains
     !> Fill `model%start_q`, `model%branch` and the groups' starts.
     !>
     !> **Errors**: `status_bad_input` for a group that cannot be closed at the start.
-    subroutine assemble_in_space(model, status)
+    subroutine assemble_in_space(model, status, like)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         type(kinematic_state) :: state
         integer :: i, k
 
         if (.not. status%is_ok() .or. model%is_planar) return
-        model%start_q = [(start_of_coordinate(model, k), k=1, model%n_q)]
+        model%start_q = [(start_of_coordinate(model%scene, k), k=1, model%n_q)]
         allocate (model%branch(model%n_branch))
         model%branch = 1
         allocate (model%chosen_by(model%n_branch), source=by_branch)
@@ -41,7 +43,7 @@ contains
             associate (step => model%step(i))
                 if (step%kind == step_csp) call choose_branch(model, step, state)
                 if (step%kind == step_group) then
-                    call start_group(model, step, state, status)
+                    call start_group(model, step, state, status, like)
                 else
                     call run_step(model, step, state)
                 end if

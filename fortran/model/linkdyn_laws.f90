@@ -6,12 +6,13 @@ module linkdyn_laws
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
-    use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
+    use linkdyn_scene, only: scene_type, law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
         law_cycloidal, law_polynomial_345, law_harmonic, law_table
     use linkdyn_table, only: table_place, find_places, evaluate_table, interval_of
     implicit none (type, external)
     private
-    public :: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, have_same_course, law_end, law_kinks
+    public :: evaluate_law, start_of_coordinate, law_instants, most_instants, set_instants, evaluate_at_instants, &
+        have_same_course, law_end, law_kinks
 
     integer, parameter :: most_instants = 64   !! some kilobytes of places: they stay in the first cache
 
@@ -59,6 +60,18 @@ contains
             call take_shape(law, t, shape, value, rate, acceleration)
         end if
     end subroutine evaluate_law
+
+    !> Where a coordinate begins: as written, or where the motion does.
+    pure real(wp) function start_of_coordinate(scene, k) result(q)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: k
+        real(wp) :: rate, rate2
+
+        associate (c => scene%coordinate(k))
+            q = c%start_position
+            if (.not. c%has_start .and. c%motion%kind /= law_none) call evaluate_law(c%motion, scene%time%first, q, rate, rate2)
+        end associate
+    end function start_of_coordinate
 
     !> Where in its course a law is; of one that needs no sine, nothing.
     pure subroutine find_shape(law, t, shape)

@@ -10,11 +10,11 @@ module linkdyn_step_part
     use linkdyn_model, only: model_type, step_type, group_type, led_type, part_type, step_group, step_pose, step_ups, is_dyad, &
         gives_attitude, leads_within, orientation_of
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
-    use linkdyn_scene, only: coordinate_joint, coordinate_pose
+    use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: step_part, take_step, describe_steps, listed, letters_of
+    public :: step_part, take_step, describe_steps, listed, letters_of, bits_of, curve_text
 
     type :: step_part
         type(model_type) :: model                      !! of the part
@@ -278,7 +278,7 @@ contains
                 end do
                 if (at%pitch(i) > 0) part%varies(at%pitch(i)) = .true.
                 ! a curve is part of the kernel
-                if (joint%kind == joint_cam) part%key = part%key//" cam"//curve_text(part, i)
+                if (joint%kind == joint_cam) part%key = part%key//" cam"//curve_text(part%model%scene%joint(i)%cam)
             end associate
         end do
         do i = 1, part%model%n_q
@@ -336,14 +336,12 @@ contains
         bits = transfer(numbers, bits)
     end function bits_of
 
-    pure function curve_text(part, joint) result(text)
-        type(step_part), intent(in) :: part
-        integer, intent(in) :: joint
+    !> A cam's curve and its follower.
+    pure function curve_text(cam) result(text)
+        type(cam_spec), intent(in) :: cam
         character(len=:), allocatable :: text
 
-        associate (spec => part%model%scene%joint(joint)%cam)
-            text = listed([spec%follower, spec%side, merge(1, 0, [spec%is_path, spec%curve%is_polar, spec%is_barrel])]) &
-                   //bits_of([spec%radius, spec%ground, spec%curve%u, [spec%curve%knot], [spec%curve%value], [spec%curve%second]])
-        end associate
+        text = listed([cam%follower, cam%side, merge(1, 0, [cam%is_path, cam%curve%is_polar, cam%is_barrel])]) &
+               //bits_of([cam%radius, cam%ground, cam%curve%u, [cam%curve%knot], [cam%curve%value], [cam%curve%second]])
     end function curve_text
 end module linkdyn_step_part

@@ -1,6 +1,7 @@
 !> Inverse dynamics of batches: four solvers, Newton-Euler of every link, power, threads, failed and singular samples.
 module test_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_is_finite, ieee_value, ieee_quiet_nan
+    use linkdyn_alike_models, only: describe_alike
     use linkdyn_builder, only: build_model
     use linkdyn_cross, only: cross
     use linkdyn_equation_kernels, only: kernel_family, found_family, end_family
@@ -14,6 +15,7 @@ module test_inverse
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: scene_type, joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         axes_link
+    use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, status_bad_input, sample_ok, sample_unreachable, sample_singular
     use linkdyn_test_numbers, only: random_stream, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene, new_scene, add_link, add_pose, &
@@ -55,7 +57,8 @@ contains
             new_test("towards the singular pose", test_near_singular), &
             new_test("singular in every pose", test_architecture), &
             new_test("reduced has no reactions", test_reduced_refusal), &
-            new_test("designs share kernels", test_family)]
+            new_test("designs share kernels", test_family), &
+            new_test("designs with gears, motors, friction, laws, cams share kernels", test_families_of_features)]
     end subroutine collect_inverse
 
     ! ---------------------------------------------------------------- set-up
@@ -738,4 +741,33 @@ contains
         end do
         call end_family(family)
     end subroutine test_family
+
+    !> Another mass is another design of the same family, whatever there is beside links and joints; another surface is not.
+    subroutine test_families_of_features(error)
+        type(test_error), intent(inout) :: error
+        character(len=16), parameter :: name(9) = [character(len=16) :: "delta", "hoist", "knuckle_press", "planetary_crank", &
+            "screw_lift", "shaper", "ship_hexapod", "thread_guide", "valve_train"]
+        character(len=:), allocatable :: key, other_key
+        integer, allocatable :: varying(:)
+        type(scene_type) :: scene
+        type(model_type) :: model
+        type(status_type) :: status
+        integer :: i
+
+        do i = 1, size(name)
+            call read_scene("examples/"//trim(name(i))//"/scene.toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//" is planned")
+            if (allocated(error%message)) return
+            call describe_alike(model, key, varying)
+            call check(error, len(key) > 0 .and. size(varying) > 0, trim(name(i))//" has a family")
+            model%link%mass = 1.5_wp*model%link%mass
+            call describe_alike(model, other_key, varying)
+            call check(error, key == other_key, trim(name(i))//": another mass")
+            if (size(model%contact) == 0) cycle
+            model%contact(1)%radius = 1.5_wp*model%contact(1)%radius + 0.001_wp
+            call describe_alike(model, other_key, varying)
+            call check(error, key /= other_key, trim(name(i))//": another surface")
+        end do
+    end subroutine test_families_of_features
 end module test_inverse

@@ -1,0 +1,86 @@
+"""Designs of a sweep: each is the scene with its number in it, whatever designs share."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+ROOT = Path(__file__).parents[2]
+UNREACHED = ("belt_drive", "cart_pole", "double_wishbone", "flyball_governor", "hill_start", "n_fourbar", "spatial_slider_crank",
+             "stopped_rocker", "ball_joint")  # fewer drives than freedoms: nothing of them is swept
+SCENES = [path for folder, pattern in (("examples", "*/scene.toml"), ("tests/scenes", "*.toml"))
+          for path in sorted((ROOT / folder).glob(pattern)) if not {path.stem, path.parent.name} & set(UNREACHED)]
+# of each feature that designs may share or not one scene: friction, gears, belts, motors, clutches, laws, payloads, a frame that moves,
+# cams, idle spins, screws, loops closed by iteration, reactions that are shared
+QUICK = ["delta", "hoist", "knuckle_press", "planetary_crank", "screw_lift", "shaper", "ship_hexapod", "thread_guide", "valve_train",
+         "belt_arm", "slotted_lever"]
+CHANGE = 1.013
+
+
+def numbers(content: Any, path: str = "") -> Iterator[tuple[str, float, str]]:
+    """Path, value and unit of every number that a sweep may vary, but zeros."""
+    if isinstance(content, dict):
+        for key, part in content.items():
+            if path or key not in ("sweep", "title", "space", "time", "view", "sheet", "include"):
+                yield from numbers(part, f"{path}.{key}" if path else key)
+    elif isinstance(content, list):
+        for i, part in enumerate(content):
+            yield from numbers(part, f"{path}.{part['name']}" if isinstance(part, dict) and "name" in part else f"{path}[{i}]")
+    elif isinstance(content, int | float) and not isinstance(content, bool) and content:
+        yield path, float(content), ""
+    elif isinstance(content, str) and (found := re.fullmatch(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([A-Za-z].*)?", content)) and float(found[1]):
+        yield path, float(found[1]), found[2] or ""
+
+
+def swept(scene: linkdyn.Scene, *axes: dict[str, Any]) -> Any:
+    moving = [{"rate": scene.coordinates[0], "values": [0.3]}, {"acceleration": scene.coordinates[0], "values": [0.7]}]
+    return scene.sweep({"axis": [*axes, *moving], "reduce": ["driving_force"]}, keep=["driving_force", "reaction"])
+
+
+def check_all_numbers(content: dict[str, Any], folder: Path) -> int:
+    """Every number in two designs, the second of which is compared with a scene of its own."""
+    scene = linkdyn.Scene({key: part for key, part in content.items() if key != "sweep"}, folder=os.fspath(folder))
+    n = 0
+    for path, number, unit in numbers(content):
+        values = [f"{x!r} {unit}" if unit else x for x in (number, CHANGE * number)]
+        try:
+            both = swept(scene, {"parameter": path, "values": values})
+            alone = swept(scene.with_({path: values[1]}))
+        except linkdyn.LinkdynError:
+            continue  # no such mechanism, or no number
+        for name in ("driving_force", "reaction"):
+            expected = alone[name].values.ravel()
+            np.testing.assert_allclose(both[name].values.reshape(2, -1)[1], expected, rtol=0, atol=1e-11 * np.nanmax(np.abs(expected), initial=1e-9),
+                                       err_msg=f"{path}: {name}")
+        n += 1
+    return n
+
+
+@pytest.mark.parametrize("path", [path for path in SCENES if {path.stem, path.parent.name} & set(QUICK)], ids=str)
+def test_every_number_of_a_feature(path: Path) -> None:
+    assert check_all_numbers(tomllib.loads(path.read_text()), path.parent) > 5
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("path", SCENES, ids=str)
+def test_every_number(path: Path) -> None:
+    assert check_all_numbers(tomllib.loads(path.read_text()), path.parent) > 5
+
+
+def test_shares_and_preloads() -> None:
+    """How drives share the work is of each design its own."""
+    content = tomllib.loads((ROOT / "examples/fourbar/scene.toml").read_text())
+    content["actuator"] = [{"joint": content["actuator"][0]["joint"], "share": 1.5, "preload": "3 N*m"},
+                           {"joint": content["joint"][-1]["name"], "share": 0.7, "preload": "2 N*m"}]
+    assert {"actuator[0].share", "actuator[1].preload"} <= {path for path, _, _ in numbers(content)}
+    check_all_numbers(content, ROOT / "examples/fourbar")
+
