@@ -22,6 +22,7 @@ PEERS := build/peers
 BUILD := build/wheel
 PACKAGE := build/package.stamp
 REQUIREMENTS := $(VENV)/requirements.stamp
+TEST_REQUIREMENTS := $(VENV)/test_requirements.stamp
 DOCS_REQUIREMENTS := $(VENV)/docs_requirements.stamp
 EXAMPLE := stewart_drilling
 
@@ -51,13 +52,13 @@ run: $(PACKAGE)
 	@echo "Results and pictures: results/$(EXAMPLE)"
 
 # the hard cases are measured against the quadruple twin
-test: real128 browser
+test: real128 browser $(TEST_REQUIREMENTS)
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD) -m "not thorough"
 
-check: real128 system-mpi browser
+check: real128 system-mpi browser $(TEST_REQUIREMENTS)
 	@$(VENV)/bin/python tools/check.py $(WAYS)
 
-check-%: real128
+check-%: real128 $(TEST_REQUIREMENTS)
 	@$(VENV)/bin/python tools/check.py $*
 
 check-mpi: system-mpi
@@ -103,7 +104,8 @@ wheel: $(REQUIREMENTS)
 	$(VENV)/bin/python -m pip install --quiet -r $(VENV)/wheel.txt
 	$(VENV)/bin/python tools/make_wheel.py $(WHEEL)
 
-docs: $(PACKAGE) $(DOCS_REQUIREMENTS)
+# tutorials use what tests use, too
+docs: $(PACKAGE) $(DOCS_REQUIREMENTS) $(TEST_REQUIREMENTS)
 	@$(VENV)/bin/python tools/build_docs.py build/site
 
 $(DOCS_REQUIREMENTS): docs/site/requirements.txt $(REQUIREMENTS)
@@ -123,13 +125,20 @@ system-mpi:
 browser: | system
 	@TESTS=1 sh tools/install_packages.sh $(PYTHON)
 
-# what a build needs and what the package and its tests need, from pyproject.toml;
+# what a build and the package need, from pyproject.toml;
 # an older pip forgets all but the last of several settings for the build
 $(REQUIREMENTS): pyproject.toml tools/list_requirements.py | system
 	@$(VENV)/bin/pip --version >/dev/null 2>&1 || { rm -rf $(VENV); $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the Python packages into .venv"
-	$(VENV)/bin/python tools/list_requirements.py build run test > $(VENV)/requirements.txt
+	$(VENV)/bin/python tools/list_requirements.py build run > $(VENV)/requirements.txt
 	$(VENV)/bin/python -m pip install --quiet "pip>=23.1" -r $(VENV)/requirements.txt
+	@touch $@
+
+# as much again, which only tests and the site want
+$(TEST_REQUIREMENTS): $(REQUIREMENTS)
+	@echo "Installing what tests need into .venv"
+	$(VENV)/bin/python tools/list_requirements.py test > $(VENV)/test_requirements.txt
+	$(VENV)/bin/python -m pip install --quiet -r $(VENV)/test_requirements.txt
 	@touch $@
 
 # the folder is kept, so that only what changed is compiled again
