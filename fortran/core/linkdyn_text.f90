@@ -3,7 +3,7 @@ module linkdyn_text
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: to_text, quoted, join, printable
+    public :: to_text, quoted, join, printable, lower_case
 
     !> A value as its shortest plain text.
     interface to_text
@@ -131,4 +131,17 @@ contains
         end do
         if (n == 2 .and. first == 194 .and. iachar(text(2:2)) < 160) n = 0    ! the second set of control characters
     end function character_length
+
+    !> The same in small letters, of those of ASCII.
+    pure function lower_case(text) result(lower)
+        character(len=*), intent(in) :: text
+        character(len=len(text)) :: lower
+        integer, parameter :: step = iachar("a") - iachar("A")
+        integer :: i
+
+        lower = text
+        do i = 1, len(text)
+            if (text(i:i) >= "A" .and. text(i:i) <= "Z") lower(i:i) = achar(iachar(text(i:i)) + step)
+        end do
+    end function lower_case
 end module linkdyn_text

@@ -18,8 +18,8 @@ module linkdyn_expression
         node_asin, node_acos, node_atan2, node_abs, node_min, node_max, node_sign, node_step, node_exp, node_log, node_tanh, node_if
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
-    use linkdyn_text, only: quoted, to_text
-    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit
+    use linkdyn_text, only: lower_case, quoted, to_text
+    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit
     implicit none (type, external)
     private
     public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters, deepest
@@ -300,7 +300,7 @@ contains
                 found%node = reader%formula%n
                 found%symbol = 0
             end if
-        else if (any([character(len=8) :: "nan", "inf", "infinity"] == lower(name))) then
+        else if (any([character(len=8) :: "nan", "inf", "infinity"] == lower_case(name))) then
             call fail(reader, "is not a finite number")
         else
             call names%list(known)
@@ -686,7 +686,7 @@ contains
 
         name = name_at(reader%text, reader%next)
         if (verify(name, letters) == 0 .and. len(name) > 0) then
-            call fail(reader, quoted(name)//" is not a unit that linkdyn knows")
+            call fail(reader, unknown_unit(name))
         else if (index(rest_of(reader), ",") == 1) then
             call fail(reader, "has a comma (decimals have a point)")
         else
@@ -728,16 +728,4 @@ contains
         reader%problem = quoted(text)//" "//problem
         if (problem(:1) == "'") reader%problem = quoted(text)//": "//problem
     end subroutine fail
-
-    pure function lower(text)
-        character(len=*), intent(in) :: text
-        character(len=len(text)) :: lower
-        integer :: i, at
-
-        lower = text
-        do i = 1, len(text)
-            at = index(letters(27:), text(i:i))
-            if (at > 0) lower(i:i) = letters(at:at)
-        end do
-    end function lower
 end module linkdyn_expression

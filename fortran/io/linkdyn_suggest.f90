@@ -1,9 +1,23 @@
 !> "Did you mean": the word nearest to a misspelt one.
 module linkdyn_suggest
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: lower_case, quoted
     implicit none (type, external)
     private
     public :: suggestion, edit_distance
+
+    !> What others call a thing, and what it is called here.
+    character(len=14), parameter :: called(2, 51) = reshape([character(len=14) :: &
+        "hinge", "revolute", "pin", "revolute", "pivot", "revolute", "slide", "prismatic", "slider", "prismatic", &
+        "linear", "prismatic", "ball", "spherical", "hooke", "universal", "cardan", "universal", "weld", "fixed", &
+        "helical", "screw", "2d", "planar", "plane", "planar", "3d", "spatial", "space", "spatial", &
+        "com", "cog", "cg", "cog", "center_of_mass", "cog", "centre_of_mass", "cog", "points", "markers", &
+        "sites", "markers", "newton", "N", "joule", "J", "watt", "W", "volt", "V", &
+        "ampere", "A", "pascal", "Pa", "henry", "H", "hertz", "Hz", "meter", "m", &
+        "metre", "m", "meters", "m", "metres", "m", "inch", "in", "inches", "in", &
+        "feet", "ft", "foot", "ft", "gram", "g", "ton", "t", "tonne", "t", &
+        "lbs", "lb", "pound", "lb", "sec", "s", "second", "s", "seconds", "s", &
+        "hour", "h", "degree", "deg", "degrees", "deg", "grad", "deg", "radian", "rad", &
+        "radians", "rad"], [2, 51])
 
 contains
 
@@ -15,7 +29,11 @@ contains
         integer :: i, best, distance, nearest
 
         text = ""
-        best = 0
+        best = called_here(word, words)
+        if (best > 0) then
+            text = "; did you mean "//quoted(words(best))//"?"
+            return
+        end if
         nearest = 1 + len_trim(word)/4
         do i = 1, size(words)
             if (len_trim(words(i)) == 0) cycle
@@ -29,6 +47,21 @@ contains
         if (best == 0) best = beginning_with(word, words)
         if (best > 0) text = "; did you mean "//quoted(words(best))//"?"
     end function suggestion
+
+    !> The word for what others call otherwise, or write in letters of another size; 0: none.
+    pure integer function called_here(word, words) result(found)
+        character(len=*), intent(in) :: word
+        character(len=*), intent(in) :: words(:)
+        integer :: i
+
+        found = 0
+        do i = 1, size(words)
+            if (lower_case(words(i)) == lower_case(word)) found = i
+        end do
+        if (found > 0 .or. len_trim(word) > len(called)) return
+        i = findloc(called(1, :), lower_case(word), dim=1)
+        if (i > 0) found = findloc(words, called(2, i), dim=1)
+    end function called_here
 
     !> The only word that begins with another, of which there is enough to tell; 0: none.
     pure integer function beginning_with(start, words) result(found)

@@ -208,8 +208,23 @@ contains
         message = ""
         if (c_associated(document%handle)) return
         write (column, "(i0)") c_column
-        message = trim(buffer)//" (column "//trim(column)//")"//forgotten(text, line, int(c_column))
+        message = trim(buffer)//" (column "//trim(column)//")"
+        if (index(buffer, "utf-8") > 0) then
+            message = message//other_encoding(text)
+        else
+            message = message//forgotten(text, line, int(c_column))
+        end if
     end subroutine parse_toml
+
+    !> How a text that is not UTF-8 may have been saved, as the end of a message.
+    pure function other_encoding(text) result(hint)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: hint
+        character(len=*), parameter :: mark = achar(255)//achar(254)      ! of UTF-16, as Windows writes it
+
+        hint = "; save the text as UTF-8"
+        if (index(text, mark) == 1) hint = "; this is UTF-16, save the text as UTF-8"
+    end function other_encoding
 
     !> What those who do not know TOML forget, as the end of a message: quotes, and that decimals have a point.
     pure function forgotten(text, line, column) result(hint)

@@ -8,10 +8,11 @@ module linkdyn_units
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_text, only: quoted, to_text
     use linkdyn_input, only: parse_number
+    use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
     public :: quantity_type, per_second, over, is_unit, unit_factor
-    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit
+    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
     public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, inductance, current
@@ -188,7 +189,7 @@ contains
         if (len_trim(text) == 0) return
         call read_product(ascii_unit(text), reading, 0)
         if (.not. reading%is_good) then
-            problem = quoted(reading%culprit)//" is not a unit that linkdyn knows"
+            problem = unknown_unit(reading%culprit)
         else if (.not. is_same_dimension(reading%power, quantity)) then
             problem = quoted(adjustl(text))//" is the unit of "//dimension_text(reading%power)
         end if
@@ -240,12 +241,22 @@ contains
         has_unit = n_used < len(trimmed)
         if (has_unit) then
             call read_product(ascii_unit(trimmed(n_used + 1:)), reading, 0)
-            if (.not. reading%is_good) &
-                problem = quoted(trimmed)//": "//quoted(reading%culprit)//" is not a unit that linkdyn knows"
+            if (.not. reading%is_good) problem = quoted(trimmed)//": "//unknown_unit(reading%culprit)
         end if
         power = reading%power
         value = number*reading%factor
     end subroutine read_value
+
+    !> What is wrong with a name that is no unit, and which one may be meant.
+    pure function unknown_unit(name) result(problem)
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: problem
+        character(len=*), parameter :: basic(*) = pack(units%name, units%takes_prefix)
+
+        problem = quoted(name)//" is not a unit that linkdyn knows"
+        if (len_trim(name) > 1) &
+            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//basic, "m"//basic])
+    end function unknown_unit
 
     pure logical function is_same_dimension(power, quantity)
         integer, intent(in) :: power(n_dimension)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
+from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, MissingFileError, SceneError, UnavailableError
 
 if TYPE_CHECKING:
     from . import cycle, efforts, laws, lecture, plot, widget
@@ -35,6 +35,7 @@ __all__ = [
     "InputError",
     "Interrupted",
     "LinkdynError",
+    "MissingFileError",
     "Poses",
     "Scene",
     "SceneError",

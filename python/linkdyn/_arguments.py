@@ -78,7 +78,7 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     if array.dtype != FLOATS and (array.dtype.kind not in "fiu" or array.dtype.itemsize > FLOATS.itemsize):
         raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
     if not _fits(array.shape, shape):
-        raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}")
+        raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}{_forgotten_axis(name, array.shape, shape)}")
     return np.ascontiguousarray(array, dtype=FLOATS)
 
 
@@ -91,6 +91,15 @@ def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
         if wanted is not None and n != wanted:
             return False
     return True
+
+
+def _forgotten_axis(name: str, shape: tuple[int, ...], expected: tuple[int | None, ...]) -> str:
+    """The end of a message to who left out that samples stand in rows."""
+    if len(shape) != 1 or len(expected) != 2 or expected[0] is not None:
+        return ""
+    if expected[1] == 1:
+        return f"; {name}[:, None] has a sample in each row"
+    return f"; {name}[None] is one sample" if shape[0] == expected[1] else ""
 
 
 def _shape_text(shape: tuple[int | None, ...]) -> str:

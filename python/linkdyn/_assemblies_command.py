@@ -35,7 +35,7 @@ def assemblies_command(arguments: Sequence[str]) -> int:
     try:
         scene = load(options.scene)
         found = scene.assemblies()
-    except (LinkdynError, FileNotFoundError) as error:
+    except LinkdynError as error:
         return refuse(str(error))
     say(scene.title or options.scene)
     for one in found:

@@ -41,8 +41,6 @@ def convert_command(arguments: Sequence[str]) -> int:
         found = convert(Path(options.source), options.closing, None if options.output == "-" else Path(options.output).parent, hold=options.hold)
     except LinkdynError as error:
         return refuse(str(error))
-    except FileNotFoundError:
-        return refuse(f"{options.source}: cannot be read: No such file or directory")
     if options.output == "-":
         emit(found.text)
         return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
+__all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "MissingFileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
 
 
 class LinkdynError(Exception):
@@ -21,6 +21,10 @@ class InputError(LinkdynError, ValueError):
 
 class FileError(LinkdynError, OSError):
     """A file that cannot be read or written."""
+
+
+class MissingFileError(FileError, FileNotFoundError):
+    """There is no such file."""
 
 
 class UnavailableError(LinkdynError):

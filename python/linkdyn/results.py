@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path
 from ._output import scene_inputs
-from .errors import FileError, InputError
+from .errors import FileError, InputError, MissingFileError
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -66,7 +66,7 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
         with xr.open_dataset(path, engine="netcdf4") as stored:
             return _by_time(stored.load())
     except FileNotFoundError:
-        raise FileError(f"{path}: there is no such file") from None
+        raise MissingFileError(f"{path}: there is no such file") from None
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
 

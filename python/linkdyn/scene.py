@@ -28,7 +28,7 @@ from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._output import scene_inputs
 from ._progress import Progress
-from .errors import FileError, InputError, Interrupted, SceneError
+from .errors import FileError, InputError, Interrupted, MissingFileError, SceneError
 from .results import FILE, FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
 from .study import run_study
 from .sweep import run_sweep
@@ -95,10 +95,8 @@ def load(path: str | os.PathLike[str]) -> Scene:
 
     Raises
     ------
-    FileNotFoundError
-        There is no such file.
     FileError
-        It cannot be read.
+        It cannot be read; a `MissingFileError`, and so a `FileNotFoundError`, where there is none.
     SceneError
         Something is wrong in it: file, line, what, what was expected.
     """
@@ -1087,7 +1085,7 @@ def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str], Path | Non
     try:
         return path.read_bytes(), str(path), path.parent, path
     except FileNotFoundError:
-        raise
+        raise MissingFileError(f"{path}: there is no such file") from None
     except OSError as error:
         raise FileError(f"{quoted(str(path))}: cannot be read: {error.strerror}") from error
 

@@ -58,6 +58,20 @@ def test_bad_scene_is_refused_in_one_line(file, tmp_path):
         linkdyn.load(file)
 
 
+@pytest.mark.parametrize("encoding, hint", [("latin-1", "; save the text as UTF-8"), ("utf-16", "; this is UTF-16, save the text as UTF-8")])
+def test_other_encodings_are_named(encoding, hint, tmp_path):
+    text = (ROOT / "examples" / "fourbar" / "scene.toml").read_text(encoding="utf-8")
+    (tmp_path / "scene.toml").write_bytes(f"# Getriebe für Türen\n{text}".encode(encoding))
+    refused(run("inverse", tmp_path / "scene.toml"), "scene.toml:1: this is not TOML", hint)
+
+
+@pytest.mark.parametrize("form", [lambda text: text.replace("\n", "\r\n"), lambda text: "\ufeff" + text], ids=["lines of Windows", "byte order mark"])
+def test_texts_of_windows_are_read(form, tmp_path):
+    text = (ROOT / "examples" / "fourbar" / "scene.toml").read_text(encoding="utf-8")
+    (tmp_path / "scene.toml").write_bytes(form(text).encode())
+    assert run("inverse", tmp_path / "scene.toml", "-o", tmp_path / "run.nc").returncode == DONE
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("twin", [False, True])
 def test_study(twin, tmp_path):

@@ -817,7 +817,7 @@ def test_command(command, tmp_path):
     (["fourbar.urdf", "-o", "robot.xml"], "'robot.xml' (expected a file that ends in .toml: a scene is made of 'fourbar.urdf')"),
     (["scene.toml", "-o", "other.toml"], "'other.toml' (expected a file that ends in .xml: MJCF is made of 'scene.toml')"),
     (["missing.urdf", "-o", "x.toml"], "missing.urdf: cannot be read: No such file or directory"),
-    (["missing.toml", "-o", "x.xml"], "missing.toml: cannot be read: No such file or directory"),
+    (["missing.toml", "-o", "x.xml"], "missing.toml: there is no such file"),
     (["fourbar.urdf", "-o", "nowhere/x.toml"], "nowhere/x.toml: cannot be written: No such file or directory"),
     (["fourbar.urdf", "-o", "x.toml", "--closing", "loose"], "closing: 'loose': unknown joint"),
 ])

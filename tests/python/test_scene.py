@@ -245,7 +245,7 @@ def test_failed_sample_is_flagged_and_its_neighbours_are_untouched(crossing):
     ("arguments", "message"),
     [
         ({"q": np.zeros((6, 3))}, r"q: expected shape \(N, 6\), got \(6, 3\)"),
-        ({"q": np.zeros(6)}, r"q: expected shape \(N, 6\), got \(6,\)"),
+        ({"q": np.zeros(6)}, r"q: expected shape \(N, 6\), got \(6,\); q\[None\] is one sample$"),
         ({"q": np.ones((2, 6)), "qd": np.zeros((3, 6))}, r"qd: expected shape \(2, 6\), got \(3, 6\)"),
         ({"q": np.ones((2, 6)), "qdd": np.zeros((2, 5))}, r"qdd: expected shape \(2, 6\), got \(2, 5\)"),
         ({"q": np.ones((2, 6), dtype=complex)}, "q: expected real numbers .*complex128"),
@@ -301,8 +301,9 @@ def test_scene_errors_carry_the_readers_message(tsai, tmp_path):
 
 
 def test_missing_file_and_wrong_source():
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"^no_such_scene\.toml: there is no such file$") as caught:
         linkdyn.load("no_such_scene.toml")
+    assert isinstance(caught.value, linkdyn.FileError)
     with pytest.raises(linkdyn.InputError, match="expected a path, a text or a dict"):
         linkdyn.Scene(3)
 
