@@ -27,6 +27,8 @@ Points = NDArray[np.float64]
 LARGEST = (7.5, 7.0)
 """Of a picture [inch]."""
 LOWEST = 2.4
+LEAST = 0.5, 0.3
+"""Width and height of a planar drawing, at least, as parts of the larger of both."""
 LARGE = 2.0
 """From so many metres on a drawing is numbered in metres, else in millimetres."""
 
@@ -89,7 +91,9 @@ def _limits(postures: Postures) -> tuple[Points, Points]:
     points = postures.points.reshape(-1, 3)
     lowest, highest = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     extent = float((highest - lowest).max()) or 1.0     # all in one point: [m]
-    room = (0.13 if postures.scene.planar else 0.05) * extent
+    room = np.full(3, (0.13 if postures.scene.planar else 0.05) * extent)
+    if postures.scene.planar:       # names stand beside what is narrow
+        room[:2] = np.maximum(room[:2], 0.5 * (np.array(LEAST) * (extent + 2 * room[0]) - (highest - lowest)[:2]))
     return lowest - room, highest + room
 
 
@@ -112,8 +116,11 @@ def set_limits(ax: Any, postures: Postures) -> None:
     size = float(extent.max())
     for name, low, high, part in zip(names, lowest, highest, extent / size):
         getattr(ax, f"set_{name}lim")(low, high)
-        # in space numbers of a short axis lie closer, and over each other
-        scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=6 if postures.scene.planar else max(2, round(6 * part)))
+        # numbers of a short axis lie closer, and over each other, in space above all
+        ticks = min(6, max(2, round(10 * part))) if postures.scene.planar else max(2, round(6 * part))
+        scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=ticks)
+        if 6 * part < 1:
+            getattr(ax, f"set_{name}ticks")([0.5 * (low + high)])
         if size >= LARGE:
             getattr(ax, f"set_{name}label")(f"{name} [m]")
         if not postures.scene.planar:

@@ -57,9 +57,15 @@ def scale_axis(axis: Axes, side: str, name: str, unit: str, largest: float, tick
     factor, word = readable(unit, largest) if unit not in ("", "s") else (1.0, unit)
     one = getattr(axis, f"{side}axis")
     one.set_major_locator(_Locator(factor, ticks))
-    one.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 9):g}".replace("-", "−")))
+    one.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value * factor, np.abs(one.get_view_interval()).max() * factor)))
     one.set_label_text(f"{name} [{word}]" if word else name)
     return factor, word
+
+
+def _tick_text(value: float, largest: float) -> str:
+    """The number of a tick; what is rounding beside the largest on its axis is zero."""
+    places = 9 - int(np.floor(np.log10(largest))) if largest > 0 else 9
+    return f"{round(value, places):g}".replace("-", "−")
 
 
 class _Locator(MaxNLocator):

@@ -327,7 +327,7 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
         boxed = np.array([_clearance(taken, place, half) for place in places])
         outside = ((places - half < low) | (places + half > high)).any(axis=1)
         covered = np.array([sum(_overlap(place, half, *box) for box in boxes) for place in places])
-        distance = np.linalg.norm(places - anchor, axis=1)
+        distance = np.linalg.norm(np.maximum(np.abs(places - anchor) - half, 0.0), axis=1)     # of a long name its end counts
         score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside - 5 * covered
         place = places[np.argmax(score)]
         style: dict[str, Any] = {"color": colour}

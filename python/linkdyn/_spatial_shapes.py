@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ Points = NDArray[np.float64]
 SYMBOLS = {"revolute": "o", "prismatic": "s", "cylindrical": "D", "universal": "P", "spherical": ".", "fixed": "X", "planar": "p", "screw": "H"}
 SYMBOL_SIZES = {".": 12.0}
 FONT = 8.0
+HALO = withStroke(linewidth=2.5, foreground=(1.0, 1.0, 1.0, 0.75))
+"""Names can be read on lines."""
 PLACES = (("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top"), ("left", "bottom"), ("right", "top"),
           ("left", "top"), ("right", "bottom"))
 """Where a name may stand from its point, as matplotlib aligns it."""
@@ -151,9 +154,11 @@ def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list
 
 def _write_names(ax: Axes3D, posture: Posture) -> None:
     """Names of links first, then of joints; those for which there is no room are left out."""
+    figure = ax.get_figure(root=True)
+    figure.draw_without_rendering()     # where things are is known only then
     labels = _labels(posture)
     links = {link["name"] for link in posture.scene.description["links"]}
-    letter = np.array([0.62, 1.25]) * FONT * ax.get_figure(root=True).dpi / 72
+    letter = np.array([0.62, 1.25]) * FONT * figure.dpi / 72
     taken: list[tuple[Points, Points]] = []
     for text in sorted(labels, key=lambda name: name not in links):
         x, y, _ = proj3d.proj_transform(*labels[text], ax.get_proj())
@@ -162,7 +167,7 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
             low = ax.transData.transform((x, y)) - size * [ALIGNED[ha], ALIGNED[va]]
             if all((low + size <= start).any() or (low >= stop).any() for start, stop in taken):
                 taken.append((low, low + size))
-                ax.text(*labels[text], f"  {text}  ", fontsize=FONT, color="0.1", zorder=20, ha=ha, va=va)
+                ax.text(*labels[text], f"  {text}  ", fontsize=FONT, color="0.1", zorder=20, ha=ha, va=va, path_effects=[HALO])
                 break
 
 

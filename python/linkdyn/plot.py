@@ -114,8 +114,10 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     """
     _need(run, "reaction")
     sizes = {letter: _magnitude(run, letter) for letter in "FM"}
-    bears = {letter: {name for name, acts in zip(map(str, run.joint.values), (np.nan_to_num(sizes[letter].values) > 0).any(axis=0)) if acts}
-             for letter in "FM"}
+    peaks = {letter: np.nan_to_num(sizes[letter].values).max(axis=0, initial=0.0) for letter in "FM"}
+    most = {letter: peaks[letter].max(initial=0.0) for letter in "FM"}
+    noise = {"F": ROUNDING * most["F"], "M": max(ROUNDING * most["M"], np.finfo(float).eps * most["F"])}
+    bears = {letter: {name for name, peak in zip(map(str, run.joint.values), peaks[letter]) if peak > noise[letter]} for letter in "FM"}
     rows = []
     for names in _groups(run.joint.values, {}).values():
         row: list[Panel | None] = []
@@ -127,6 +129,8 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     return _panels(run, rows, over, from_zero=True)
 
 
+ROUNDING = 1e-10
+"""What is this part of the largest of its kind is the rounding of zero, and no line."""
 Panel = tuple[str, str, dict[str, np.ndarray]]
 """What it shows, its SI unit, lines by name."""
 

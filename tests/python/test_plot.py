@@ -35,6 +35,29 @@ def test_reactions(run):
     figure.canvas.draw()
 
 
+def test_rounding_of_zero_is_no_reaction(run):
+    """Moments that no joint bears have no panel, and no line beside true ones."""
+    noisy = run.copy(deep=True)
+    moments = {"component": ["Mx", "My", "Mz"]}
+    rounding = 1e-17 * np.random.default_rng(1).normal(size=noisy.reaction.loc[moments].shape)
+    noisy["reaction"].loc[moments] = rounding
+    _, axes = plot.reactions(noisy)
+    assert axes.shape == (3, 1)
+    noisy["reaction"].loc[{"joint": "leg1.P", **moments}] = run.reaction.sel(joint="leg1.P", **moments).values
+    _, axes = plot.reactions(noisy)
+    assert [axis.get_visible() for axis in axes[:, 1]] == [False, True, False]
+    assert [text.get_text().split()[0] for text in axes[1, 1].texts] == ["leg1.P"]
+
+
+def test_small_numbers_have_ticks_that_differ(run):
+    small = run.copy(deep=True)
+    small["driving_force"] = 1e-15 * small.driving_force
+    figure, axes = plot.driving_forces(small)
+    figure.canvas.draw()
+    texts = [tick.get_text() for tick in axes[0].get_yticklabels()]
+    assert len(set(texts)) == len(texts) > 2
+
+
 def test_pictures_with_failed_samples(crossing):
     run = linkdyn.Scene(crossing).inverse()
     for draw in (plot.driving_forces, plot.reactions):
@@ -99,6 +122,25 @@ def test_names_of_a_planar_mechanism_do_not_overlap(sixbar):
         for k, box in enumerate(boxes):
             assert not any(box.overlaps(other) for other in boxes[:k]), (name, axis.texts[k].get_text())
             assert axis.bbox.contains(*box.min) and axis.bbox.contains(*box.max), (name, axis.texts[k].get_text())
+
+
+@pytest.mark.parametrize("name", ["four_stroke", "hoist", "hill_start", "flyball_governor", "screw_lift"])
+def test_numbers_of_narrow_axes_do_not_overlap(name):
+    figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / name / "scene.toml"))
+    figure.canvas.draw()
+    for one in (axis.xaxis, axis.yaxis, *([axis.zaxis] if hasattr(axis, "zaxis") else [])):
+        boxes = [tick.label1.get_window_extent() for tick in one.get_major_ticks() if tick.label1.get_text() and tick.label1.get_visible()]
+        assert not any(box.overlaps(other) for k, box in enumerate(boxes) for other in boxes[:k]), (name, one.axis_name)
+
+
+def test_long_names_stand_beside_what_they_name():
+    """A long name is as near as a short one where its end is: not on the piston, nor on the numbers of an axis."""
+    _, axis = plot.mechanism(linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml"))
+    axis.figure.canvas.draw()
+    (name,) = (text for text in axis.texts if text.get_text() == "small, cylinder")
+    (piston,) = (patch for patch in axis.patches if patch.get_gid() == "solid" and patch.get_xy()[:, 1].min() > 0.1)
+    box = name.get_window_extent()
+    assert not box.overlaps(piston.get_window_extent()) and axis.bbox.contains(*box.min) and axis.bbox.contains(*box.max)
 
 
 def test_planar_links_are_drawn_where_they_are(sixbar):
