@@ -129,7 +129,7 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     return _panels(run, rows, over, from_zero=True)
 
 
-ROUNDING = 1e-10
+ROUNDING = 1e-8
 """What is this part of the largest of its kind is the rounding of zero, and no line."""
 Panel = tuple[str, str, dict[str, np.ndarray]]
 """What it shows, its SI unit, lines by name."""
