@@ -176,7 +176,8 @@ contains
         end do
     end subroutine find_stop_responses
 
-    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart.
+    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart, and those that slipped
+    !> slip the way that it has left them. Those that it has brought to rest are told so by their guards.
     subroutine loosen_clutches(self, t, y, y_before, is_struck)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -186,9 +187,10 @@ contains
         real(wp), dimension(lanes, n_clutch(self%model%scene)) :: before, after
         type(event_entry) :: entry
         real(wp) :: least
+        logical :: held
         integer :: lane, i
 
-        if (.not. holds_anywhere(self%clutch)) return
+        if (.not. any(self%clutch%is_closed)) return
         call self%look_closely(t, y_before)
         before = slips(self%model, self%look, level_velocity)
         call self%look_closely(t, y)
@@ -197,9 +199,11 @@ contains
             do i = 1, size(after, 2)
                 if (self%model%scene%clutch(i)%is_positive) cycle
                 do lane = 1, lanes
-                    if (.not. (is_struck(lane) .and. of%holds(lane, i))) cycle
+                    if (.not. (is_struck(lane) .and. of%is_closed(lane, i))) cycle
+                    held = of%holds(lane, i)
                     least = still*max(maxval(self%stops%fastest(lane, :)), of%fastest(lane, i))
-                    if (abs(after(lane, i) - before(lane, i)) <= least) cycle
+                    if (held .and. abs(after(lane, i) - before(lane, i)) <= least) cycle
+                    if (.not. held .and. of%sense(lane, i)*after(lane, i) >= -least) cycle
                     of%holds(lane, i) = .false.
                     of%was_held(lane, i) = .false.
                     of%sense(lane, i) = sign(1.0_wp, after(lane, i))
@@ -207,6 +211,7 @@ contains
                     associate (e => self%model%scene%clutch(i)%event)
                         call set_guard(lane, i, of, self%guard_side(lane, e), self%guard_scale(lane, e))
                     end associate
+                    if (.not. held) cycle
                     entry = event_entry(kind=kind_slip, direction=nint(of%sense(lane, i)))
                     call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
                 end do

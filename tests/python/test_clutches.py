@@ -359,6 +359,35 @@ def test_an_impact_is_more_than_a_capacity():
 
 
 # ---------------------------------------------------------------------------------------------------------------- other ways to run
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("rubs", ["clutch", "friction"])
+def test_what_slips_is_thrown_back_and_slips_on(method, rubs):
+    """A block that rubs between two walls, each of which takes 0.36 of its energy, step by step by hand."""
+    axis, mu = {"at": [0, 0], "axis": [1, 0]}, 0.15
+    rubbing = {"clutch": {"name": "rub", "joint": "x", "capacity": mu * 2 * 9.81}, "friction": {"joint": "x", "coulomb": mu, "sticking": True}}
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"O": axis}},
+        "link": [{"name": "block", "markers": {"O": axis}, "mass": 2.0, "inertia": 1}],
+        "joint": [{"name": "x", "type": "prismatic", "between": ["frame.O", "block.O"]}],
+        "coordinate": [{"joint": "x", "start": {"position": 0, "velocity": 4}}],
+        "stop": [{"name": "walls", "joint": "x", "min": -0.3, "max": 0.3, "restitution": 0.8}],
+        rubs: [rubbing[rubs]],
+    })
+    place, way, speed, t, struck = 0.0, 1, 4.0, 0.0, []
+    while (square := speed**2 - 2 * mu * 9.81 * (0.3 - way * place)) > 0:
+        t += (speed - math.sqrt(square)) / (mu * 9.81)
+        struck.append(t)
+        place, way, speed = way * 0.3, -way, 0.8 * math.sqrt(square)
+    rest, end = place + way * speed**2 / (2 * mu * 9.81), t + speed / (mu * 9.81)
+    assert len(struck) > 3
+    run = run_or_skip(scene, method, t=np.linspace(0, 2, 41))
+    error = 1e-5 if method == "msbdf" else 1e-9
+    np.testing.assert_allclose(np.sort(np.append(times(run, "walls.min"), times(run, "walls.max"))), struck, rtol=error)
+    np.testing.assert_allclose(times(run, "rub" if rubs == "clutch" else "x"), [end], rtol=error)
+    np.testing.assert_allclose(run.q.values[-1, 0], rest, rtol=0, atol=error)
+    assert (run.clutch_force * run.clutch_slip).max() <= 0
+
+
 def test_ensembles_and_simulators_do_the_same():
     scene = belt()
     t = np.linspace(0, 1.5, 16)
