@@ -443,7 +443,7 @@ contains
         real(wp), intent(in) :: longest                !! that a step may be
         integer, intent(out) :: outcome
         real(wp) :: rough(size(self%y))
-        logical :: is_known, is_better
+        logical :: is_known, is_better, is_unstable
 
         outcome = step_paused                          ! go on
         if (self%i_stretch == 0) then
@@ -478,6 +478,15 @@ contains
         if (self%is_rough .and. self%best_score < huge(1.0_wp)) then
             if ((is_better .and. self%best_score <= unexpected) .or. self%i_stretch >= n_longer &
                 .or. self%n_worse >= most_worse) then
+                if (.not. is_good_enough(self, self%best)) then
+                    call look_for_instability(self, system, is_unstable)
+                    if (is_interrupted()) return
+                    if (is_unstable) then
+                        self%is_rough = .false.
+                        call start_shorter(self, cut)
+                        return
+                    end if
+                end if
                 call keep_best(self, outcome)
                 return
             end if
@@ -488,11 +497,46 @@ contains
             if (self%step <= longest) return
         end do
         ! Not rounding: shorter steps, and in the end the same search again.
+        call start_shorter(self, cut*minval(stretch))
+    end subroutine refuse
+
+    !> Begin anew with a shorter step.
+    subroutine start_shorter(self, part)
+        type(step_control), intent(inout) :: self
+        real(wp), intent(in) :: part                   !! of the one that was tried first
+
         self%i_stretch = 0
         self%n_refused = 0
-        self%wished = cut*minval(stretch)*self%wished
+        self%wished = part*self%wished
         self%step = self%wished
-    end subroutine refuse
+    end subroutine start_shorter
+
+    !> Is it not rates that are rough, but the step too long for the method to be stable? Then, too, copies part, by what the step makes
+    !> of a last place; in a step of a quarter by far less, where rough rates leave a quarter.
+    subroutine look_for_instability(self, system, is_unstable)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        logical, intent(out) :: is_unstable
+        integer, parameter :: n_shorter = 6
+        type(trial_type) :: trial
+        real(wp) :: rough(size(self%y)), apart, before
+        logical :: is_known
+        integer :: i
+
+        is_unstable = .false.
+        before = 0
+        do i = 0, n_shorter
+            call try_length(self, system, cut**i*self%wished, self%t, trial)
+            if (trial%has_failed) cycle
+            call measure_rounding(self, system, trial, rough, is_known)
+            if (is_interrupted()) return
+            if (.not. is_known) cycle
+            apart = maxval(rough/trial%asked)
+            is_unstable = apart < cut**4*before
+            if (is_unstable) return
+            before = apart
+        end do
+    end subroutine look_for_instability
 
     !> Is a step better than the others tried?
     subroutine consider(self, system, trial, is_better)

@@ -183,3 +183,27 @@ def test_a_limit_that_falls_with_the_speed() -> None:
     at = slice(20, 60)  # 10 to 30 ms: the speed has come to where the power counts
     assert np.all(current[at] > 0.5 * left[at]) and np.all(left[at] < 20)
     np.testing.assert_allclose(current[at], left[at] - slope[at] * L / (100 * R), rtol=2e-3)
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-9, 1e-10, 1e-11])
+def test_a_current_that_stays_at_its_limit_is_not_taken_for_rounding(tolerance: float) -> None:
+    """There it stands still to the last digit, and steps are a hundred times as long as its time constant: what the step makes of a last
+    place was taken for rates too rough, and the run stopped."""
+    try:
+        linkdyn.Scene(machine()).forward(t_end=1e-4, method="rk8pd")
+    except linkdyn.UnavailableError:
+        pytest.skip("this build has no rk8pd")
+    drive = {"ratio": 15, "rotor_inertia": 1.6e-4, "efficiency": 0.8, "torque_constant": 0.2, "resistance": 2.4, "current_limit": 4, "inductance": "8 mH"}
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0, 0], "frame": {"markers": {"A": [0, 0]}},
+        "link": [{"name": "arm", "mass": 2.3, "inertia": 0.04, "cog": [0.16, 0], "markers": {"A": [0, 0], "B": [0.5, 0]}},
+                 {"name": "hand", "mass": 0.5, "inertia": 0.044, "cog": [0.15, -0.025], "markers": {"B": [0, 0]}}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "arm.A"]}, {"name": "B", "type": "revolute", "between": ["arm.B", "hand.B"]}],
+        "coordinate": [{"joint": "A", "start": {"position": -1.74, "velocity": -1.9}}, {"joint": "B", "start": {"position": 0.42, "velocity": -0.6}}],
+        "actuator": [{"joint": "A", "law": {"type": "voltage", "value": "16 V*sin(3 rad/s*time)"}, "drive": drive}],
+        "stop": [{"name": "buffer", "joint": "A", "max": -0.75, "stiffness": 4600, "damping": 18}],
+    })  # fmt: skip
+    t = np.linspace(0, 1.6, 41)
+    run, other = scene.forward(t=t, method="rk8pd", rtol=tolerance, atol=tolerance), scene.forward(t=t, method="seulex", rtol=1e-11, atol=1e-11)
+    assert "stopped" not in run.attrs or not run.attrs["stopped"]
+    np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=100 * max(tolerance, 1e-11))
