@@ -112,7 +112,7 @@ contains
         call pack_control_rates(self%layout, self%control, rate)
         call pack_current_rates(self%layout, self%n_used, self%motors, rate)
         if (self%may_jump) &
-            call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate)
+            call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate, is_left)
     end procedure evaluate_by_record
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,

@@ -200,21 +200,27 @@ contains
     end subroutine watch_jumps
 
     !> What an evaluation tells of jumps of f.
-    subroutine note_mode(self, mode, rate)
+    subroutine note_mode(self, mode, rate, is_left)
         class(lane_system), intent(inout) :: self
         real(wp), intent(in) :: mode(lanes)               !! of those that are used
         real(wp), intent(in) :: rate(:, :)                !! f (lane, n)
+        logical, intent(in), optional :: is_left(lanes)   !! it is not known there, others will tell it
         integer :: lane
 
         do lane = 1, self%n_used
-            if (.not. abs(mode(lane) - self%mode(lane)) > 0) cycle
-            self%n_jump = self%n_jump + 1
-            if (.not. allocated(self%jump)) cycle         ! nobody looks out
-            self%has_jumped = .true.
-            self%jump = max(self%jump, abs(rate(lane, :) - self%mode_rate(lane, :)))
+            if (present(is_left)) then
+                if (is_left(lane)) cycle
+            end if
+            if (abs(mode(lane) - self%mode(lane)) > 0) then
+                self%n_jump = self%n_jump + 1
+                if (allocated(self%jump)) then            ! somebody looks out
+                    self%has_jumped = .true.
+                    self%jump = max(self%jump, abs(rate(lane, :) - self%mode_rate(lane, :)))
+                end if
+            end if
+            self%mode(lane) = mode(lane)
+            if (allocated(self%mode_rate)) self%mode_rate(lane, :) = rate(lane, :)
         end do
-        self%mode(:self%n_used) = mode(:self%n_used)
-        if (allocated(self%mode_rate)) self%mode_rate(:self%n_used, :) = rate(:self%n_used, :)
     end subroutine note_mode
 
     !> Turns have been taken out of the accepted y: for systems that remember where they are.

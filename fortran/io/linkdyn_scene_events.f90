@@ -3,7 +3,7 @@
 !> A side of an end stop is an event whose formula is its gap. A soft stop is a spring besides, without stiffness or damping of
 !> its own, whose law over the state is the one-sided force: whatever works for laws works for it.
 module linkdyn_scene_events
-    use linkdyn_constants, only: pi
+    use linkdyn_constants, only: pi, two_pi
     use linkdyn_expression, only: measured_value
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
         node_multiply, node_divide, node_negate, node_max, node_if, node_sqrt, node_tanh, node_abs
@@ -184,6 +184,12 @@ contains
         if (.not. status%is_ok()) return
         near = sum(bound, mask=has)/count(has)
         call add_place_measure(scene, measure, near, .false., shelf, bumper%measure)
+        if (is_spring .and. all(has) .and. shelf%book%measure(bumper%measure)%wraps .and. bound(2) - bound(1) >= two_pi) then
+            call refuse_value(place, "max", place%node%get("max"), "= "//to_text(bound(2))//" rad: the angle counts no turns, "// &
+                "a force of it is taken within half a turn of the middle between both sides, and neither is ever met (expected "// &
+                "less than 360 deg between them, 'restitution', or a stop of a coordinate)", status)
+            return
+        end if
         call add_place_measure(scene, measure, 0.0_wp, .true., shelf, rate)
         do k = 1, 2
             if (.not. has(k)) cycle

@@ -291,6 +291,26 @@ def test_a_soft_stop_in_closed_form():
     np.testing.assert_allclose(run.q.values[inside, 0], [0.3 + float(depth(mp.mpf(x) - mp.mpf(contact))) for x in t[inside]], rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("turned", [3.3, 9.0, -40.0])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_soft_stop_behind_turns_is_one_like_others(method, turned):
+    """What lanes compute in place of a record, which cannot be told of the turns of a spring, is no jump of a law."""
+
+    def hits(start: float) -> xr.Dataset:
+        scene = linkdyn.Scene({
+            "space": "planar", "frame": {"markers": {"A": [0, 0]}}, "link": [{"name": "arm", "mass": 1, "inertia": 0.1, "markers": {"A": [0, 0]}}],
+            "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "arm.A"]}],
+            "coordinate": [{"joint": "A", "start": {"position": start, "velocity": 3}}],
+            "stop": [{"name": "s", "joint": "A", "min": start - 0.6, "max": start + 0.6, "stiffness": 1000}],
+        })  # fmt: skip
+        return run_or_skip(scene, method, t=np.linspace(0, 1, 11), rtol=1e-10, atol=1e-10)
+
+    run = hits(turned)
+    error = 1e-5 if method in ("msbdf", "rk4") else 1e-8
+    np.testing.assert_allclose(run.q.values, turned + hits(0.0).q.values, rtol=0, atol=error)
+    np.testing.assert_allclose(run.event_time.values, [0.2, 0.2 + math.pi / 100, 0.6 + math.pi / 100, 0.6 + math.pi / 50], rtol=0, atol=error)
+
+
 def test_rk4_keeps_its_order_at_a_damped_stop():
     """The force jumps where the damper is touched: steps end there, and no stage of them feels the other side. (Where the damper
     lets go the force has a kink, at no event.)"""
