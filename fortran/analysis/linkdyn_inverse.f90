@@ -9,7 +9,7 @@ module linkdyn_inverse
         reached_straight, judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_contact_force, result_power_imbalance, &
-        result_friction, result_friction_power
+        result_friction, result_friction_power, result_position
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, free_condition, prepare_condition, &
         eliminate_block, &
@@ -39,7 +39,7 @@ module linkdyn_inverse
     use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
     use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles, &
-        drives_share
+        drives_share, scene_size
     use linkdyn_motion_measures, only: measure_energy, measure_closure
     use linkdyn_planar_motion, only: level_given
     use linkdyn_payload_measures, only: find_payloads, add_payload_energy
@@ -65,7 +65,7 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver, look_for_record, samples_to_come
+    public :: solver_name, choose_solver, look_for_record, samples_to_come, place_by_record
 
     !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for the
     !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
@@ -733,6 +733,60 @@ contains
         end subroutine note_place
     end subroutine run_prepared
 
+    !> Where links are, of a batch large enough for the scene's record, with a solver that was prepared for no forces. Samples `left` are
+    !> for the lanes, on their assembly. With a trail the samples follow each other.
+    subroutine place_by_record(model, solver, q, results, assembly, left, trail)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in), contiguous :: q(:, :)             !! (n_q, n)
+        type(inverse_results), intent(inout) :: results         !! positions, rotations, status
+        type(sample_assembly), intent(out) :: assembly
+        integer, allocatable, intent(out) :: left(:)
+        type(assembly_trail), intent(inout), optional :: trail
+        type(recorded_forces), pointer :: recorded
+        type(recorded_margins), target :: by_record
+        class(margin_source), pointer :: margins
+        class(group_closer), pointer :: closer
+        real(wp) :: load(6, model%n_load, 1)
+        integer :: n, i, n_left
+
+        n = size(q, 2)
+        nullify (recorded, margins, closer)
+        if (is_worth_placing(model, n)) then
+            if (associated(solver%closing)) call need_closer(model, solver, q, closer)
+            ! whether joints fit that were let go of the lanes see
+            if (model%share%n == 0) call need_record(model, solver, results, q, recorded)
+            if (present(trail)) call need_margins(model, solver, q, by_record%record)
+            if (associated(by_record%record)) margins => by_record
+        end if
+        if (has_assemblies(model)) then
+            if (present(trail)) then
+                call follow_assembly(model, q, trail, assembly, margins, closer)
+            else if (associated(closer)) then
+                call settle_samples(model, 1, q, assembly, closer, solver%nodes)
+            else
+                call make_room(model, n, assembly)
+            end if
+        end if
+        if (associated(recorded)) then
+            load = 0
+            call run_by_record(model, recorded, 1, q, spread(spread(0.0_wp, 1, size(q, 1)), 2, n), &
+                               spread(spread(0.0_wp, 1, size(q, 1)), 2, n), load, assembly, results, n_left, left)
+            if (n_left == 0) allocate (left(0))
+        else
+            left = [(i, i=1, n)]
+        end if
+    end subroutine place_by_record
+
+    !> Of the time that lanes take to place that many samples about as much goes into making the programs.
+    pure logical function is_worth_placing(model, n)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n                               !! samples
+        integer, parameter :: worth_closing_groups = 512, worth_recording = 4096
+
+        is_worth_placing = n >= merge(worth_closing_groups, worth_recording, size(model%group) > 0)
+    end function is_worth_placing
+
     !> What is asked of the forces beside driving forces and accelerations.
     pure function wanted_forces(results) result(wanted)
         type(inverse_results), intent(in) :: results
@@ -858,7 +912,8 @@ contains
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
     !> would be a defect, and the lanes are believed. Equations have both the same, so it is the motion that is looked at: by the balance of
-    !> power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by one.
+    !> power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by one, and places
+    !> where nothing else is wanted.
     recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
@@ -871,7 +926,7 @@ contains
         integer, allocatable :: left(:)
         type(agreement) :: of_both
         integer :: i, k, n, n_left
-        logical :: by_power
+        logical :: by_power, by_places
 
         n = size(pose, 2)
         qd = reshape([(modulo(k*golden, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
@@ -882,9 +937,11 @@ contains
             t = [(time%first + modulo(k*golden, 1.0_wp)*(time%last - time%first), k=1, n)]
         end associate
         agrees = .true.
-        if (.not. any(recorded%wanted == result_driving_force .or. recorded%wanted == result_reaction)) return
+        by_places = any(recorded%wanted == result_position)
+        if (.not. any(by_places .or. recorded%wanted == result_driving_force .or. recorded%wanted == result_reaction)) return
         do i = 1, 2
             allocate (found(i)%status(n))
+            if (by_places) allocate (found(i)%position(3, model%n_link, n), found(i)%rotation(3, 3, model%n_link, n))
             if (any(recorded%wanted == result_driving_force)) allocate (found(i)%driving_force(model%n_actuator, n))
             if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
         end do
@@ -907,6 +964,8 @@ contains
             end if
             if (by_power) then
                 call of_both%note(abs(balance%power_imbalance(i)) <= least_accuracy)
+            else if (by_places) then
+                call of_both%note(are_alike(place_of(found(1), i), place_of(found(2), i)))
             else
                 call of_both%note(has_same_forces(i))
             end if
@@ -916,6 +975,7 @@ contains
             deallocate (found(i)%status)
             if (associated(found(i)%driving_force)) deallocate (found(i)%driving_force)
             if (associated(found(i)%reaction)) deallocate (found(i)%reaction)
+            if (by_places) deallocate (found(i)%position, found(i)%rotation)
         end do
         if (by_power) deallocate (balance%status, balance%power_imbalance)
 
@@ -930,6 +990,15 @@ contains
             if (has_same_forces .and. associated(found(1)%reaction)) &
                 has_same_forces = are_alike([found(1)%reaction(:, :, i)], [found(2)%reaction(:, :, i)])
         end function has_same_forces
+
+        !> Of all links, lengths by the mechanism's size.
+        function place_of(results, i) result(place)
+            type(inverse_results), intent(in) :: results
+            integer, intent(in) :: i                           !! sample
+            real(wp), allocatable :: place(:)
+
+            place = [results%position(:, :, i)/scene_size(model), results%rotation(:, :, :, i)]
+        end function place_of
     end function agrees_with_lanes
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.

@@ -1,7 +1,8 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, place_sample
     use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_inverse, only: inverse_solver, inverse_results, place_by_record
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_gear_fit, only: gears_go_along
     use linkdyn_joint_table, only: is_geared, is_pose_part
@@ -24,40 +25,66 @@ contains
     !> Poses of all moving links. A sample that cannot be assembled says so and is what the closure left.
     !>
     !> With a trail the samples follow each other and the assembly is followed by continuity; without one each sample is
-    !> on the branch of the start. When the process is told to stop the rest is left alone.
-    subroutine find_poses(model, q, position, rotation, sample_status, trail)
+    !> on the branch of the start. The solver keeps what large batches have of programs. When the process is told to stop the rest is
+    !> left alone.
+    subroutine find_poses(model, solver, q, position, rotation, sample_status, trail)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver      !! prepared for no forces
+        real(wp), intent(in), contiguous :: q(:, :)     !! (n_q, n) [m, rad]
+        real(wp), intent(out), contiguous, target :: position(:, :, :)      !! (3, n_link, n) origins, world [m]
+        real(wp), intent(out), contiguous, target :: rotation(:, :, :, :)   !! (3, 3, n_link, n) columns: the link's axes
+        integer, intent(out), contiguous, target :: sample_status(:)        !! (n) one of `sample_*`
+        type(assembly_trail), intent(inout), optional :: trail
+        type(sample_assembly) :: assembly
+        type(inverse_results) :: results
+        integer, allocatable :: left(:)
+        integer :: sample
+
+        if (size(q, 2) == 0) return
+        results%position => position
+        results%rotation => rotation
+        results%status => sample_status
+        sample_status = sample_ok
+        call place_by_record(model, solver, q, results, assembly, left, trail)
+        call place_on_lanes(model, q, assembly, left, position, rotation, sample_status)
+        if (is_interrupted()) return
+        do sample = 1, size(q, 2)
+            if (sample_status(sample) /= sample_ok) cycle
+            if (.not. gears_go_along(model, position(:, :, sample), rotation(:, :, :, sample))) &
+                sample_status(sample) = sample_unreachable
+            if (sample_status(sample) == sample_ok .and. .not. (all(abs(position(:, :, sample)) <= huge(1.0_wp)) &
+                .and. all(abs(rotation(:, :, :, sample)) <= huge(1.0_wp)))) sample_status(sample) = sample_undefined
+        end do
+    end subroutine find_poses
+
+    !> Some samples, each on its assembly.
+    subroutine place_on_lanes(model, q, assembly, which, position, rotation, sample_status)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)                 !! (n_q, n) [m, rad]
-        real(wp), intent(out) :: position(:, :, :)      !! (3, n_link, n) origins, world [m]
-        real(wp), intent(out) :: rotation(:, :, :, :)   !! (3, 3, n_link, n) columns: the link's axes
-        integer, intent(out) :: sample_status(:)        !! (n) one of `sample_*`
-        type(assembly_trail), intent(inout), optional :: trail
+        type(sample_assembly), intent(in) :: assembly
+        integer, intent(in) :: which(:)                 !! their numbers
+        real(wp), intent(inout) :: position(:, :, :)    !! (3, n_link, n)
+        real(wp), intent(inout) :: rotation(:, :, :, :) !! (3, 3, n_link, n)
+        integer, intent(inout) :: sample_status(:)      !! (n)
         type(kinematic_state) :: state
-        type(sample_assembly) :: assembly
         integer :: first, lane, sample, i
 
-        if (has_assemblies(model) .and. size(q, 2) > 0) then
-            if (present(trail)) then
-                call follow_assembly(model, q, trail, assembly)
-            else
-                call make_room(model, size(q, 2), assembly)
-            end if
-        end if
+        if (size(which) == 0) return
         call prepare_kinematics(model, 0, state)
         state%qd = 0
         state%qdd = 0
-        do first = 1, size(q, 2), lanes
+        do first = 1, size(which), lanes
             if (is_interrupted()) return
             do lane = 1, lanes
-                sample = min(first + lane - 1, size(q, 2))
+                sample = which(min(first + lane - 1, size(which)))
                 state%q(lane, :) = q(:, sample)
                 if (has_assemblies(model)) call place_sample(model, assembly, sample, lane, state)
             end do
             call evaluate_kinematics(model, state)
             if (model%share%n > 0) &
                 state%unreachable = state%unreachable .or. .not. released_fit(model, [(i, i=1, model%n_joint)], state)
-            do lane = 1, min(lanes, size(q, 2) - first + 1)
-                sample = first + lane - 1
+            do lane = 1, min(lanes, size(which) - first + 1)
+                sample = which(first + lane - 1)
                 sample_status(sample) = sample_ok
                 if (state%not_converged(lane)) sample_status(sample) = sample_not_converged
                 if (state%unreachable(lane)) sample_status(sample) = sample_unreachable
@@ -66,13 +93,9 @@ contains
                     position(:, i, sample) = link_position(model, state, i, lane)
                     rotation(:, :, i, sample) = link_rotation(model, state, i, lane)
                 end do
-                if (sample_status(sample) == sample_ok .and. .not. gears_go_along(model, position(:, :, sample), &
-                    rotation(:, :, :, sample))) sample_status(sample) = sample_unreachable
-                if (sample_status(sample) == sample_ok .and. .not. (all(abs(position(:, :, sample)) <= huge(1.0_wp)) &
-                    .and. all(abs(rotation(:, :, :, sample)) <= huge(1.0_wp)))) sample_status(sample) = sample_undefined
             end do
         end do
-    end subroutine find_poses
+    end subroutine place_on_lanes
 
     !> Poses of all moving links from all joint variables: no loop is closed, so no assembly need be known. Where no joints lead
     !> to a link, a body that is led by its pose alone, nothing is told of the sample.

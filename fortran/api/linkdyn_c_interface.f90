@@ -7,14 +7,14 @@ module linkdyn_c_interface
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_forward, only: forward_options, choose_method, method_gbs
     use linkdyn_handles, only: close_handle
-    use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
+    use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
         check_count, check_finite
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_name_lists, only: name_list, list_names, find_room, find_result, result_width
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state
-    use linkdyn_open_scene, only: open_scene, open_scene_text, open_scene_file, take_scene, leave_scene
+    use linkdyn_open_scene, only: open_scene, open_scene_text, open_scene_file, take_scene, leave_scene, find_placing
     use linkdyn_poses, only: find_poses
     use linkdyn_results, only: wanted_type, all_wanted, result_assembly
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
@@ -284,7 +284,8 @@ contains
         type(open_scene), pointer :: scene
         type(status_type) :: status
         real(c_double), pointer, contiguous :: q1(:), position1(:), axes1(:)
-        real(c_double), pointer :: q2(:, :), position3(:, :, :), axes4(:, :, :, :)
+        real(c_double), pointer, contiguous :: q2(:, :), position3(:, :, :), axes4(:, :, :, :)
+        type(inverse_solver), pointer :: solver
         integer(c_int), pointer, contiguous :: status1(:)
         integer :: n
 
@@ -300,13 +301,14 @@ contains
             call see_integers("status", sample_status, n, status1, status)
         end if
         if (status%is_ok()) call check_finite("q", scene%model, 0, n, q1, status)
+        if (status%is_ok()) call find_placing(scene, solver, status)
         if (status%is_ok()) then
             associate (model => scene%model)
                 q2(1:model%n_q, 1:n) => q1
                 position3(1:3, 1:model%n_link, 1:n) => position1
                 axes4(1:3, 1:3, 1:model%n_link, 1:n) => axes1
                 call release_texts()
-                call find_poses(model, q2, position3, axes4, status1)
+                call find_poses(model, solver, q2, position3, axes4, status1)
                 call hold_texts()
                 call drop_failed(position3, axes4, status1)
             end associate

@@ -24,14 +24,14 @@ module linkdyn_f2py_api
     use linkdyn_handles, only: close_handle
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
-    use linkdyn_inverse, only: inverse_options, inverse_results, choose_solver, run_inverse
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
         check_finite
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
         keep_simulator, put_simulator_back
-    use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
+    use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, find_placing, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, take_kept, copy_numbers
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
@@ -869,7 +869,8 @@ contains
         type(status_type) :: status
         type(assembly_trail) :: trail
         integer :: width
-        real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
+        type(inverse_solver), pointer :: solver
+        real(c_double), pointer, contiguous :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
         call start_listening()
         call take_scene(handle, scene, status)
@@ -878,6 +879,7 @@ contains
         if (status%code == 0) call check_size("position", int(n_position, int64), 3*scene%model%n_link, n, status)
         if (status%code == 0) call check_size("rotation", int(n_rotation, int64), 9*scene%model%n_link, n, status)
         if (status%code == 0 .and. in_order /= 2) call check_finite("q", scene%model, 0, n, q, status)
+        if (status%code == 0 .and. in_order /= 2) call find_placing(scene, solver, status)
         if (status%code == 0) then
             q2(1:width, 1:n) => q
             position3(1:3, 1:scene%model%n_link, 1:n) => position
@@ -885,9 +887,9 @@ contains
             if (in_order == 2) then
                 call poses_of_joints(scene%model, q2, position3, rotation4, sample_status)
             else if (in_order == 1) then
-                call find_poses(scene%model, q2, position3, rotation4, sample_status, trail)
+                call find_poses(scene%model, solver, q2, position3, rotation4, sample_status, trail)
             else
-                call find_poses(scene%model, q2, position3, rotation4, sample_status)
+                call find_poses(scene%model, solver, q2, position3, rotation4, sample_status)
             end if
         end if
         call leave_scene(handle, scene)

@@ -19,7 +19,8 @@ module linkdyn_open_scene
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
-    public :: open_scene, open_scene_text, open_scene_file, open_with_loads, take_scene, leave_scene, find_solver, layout_of
+    public :: open_scene, open_scene_text, open_scene_file, open_with_loads, take_scene, leave_scene, find_solver, find_placing, &
+        layout_of
 
     !> Equations planned for one solver; absent until they are asked for.
     type :: solver_box
@@ -32,6 +33,7 @@ module linkdyn_open_scene
         type(layout_type) :: run_layout                             !! and of forward dynamics
         !> without and with reactions, error estimates, rcond, distance; by solver
         type(solver_box) :: planned(2, 2, 2, 2, size(solver_name))
+        type(solver_box) :: placing                                 !! links, without equations
         type(shared_programs), pointer :: shared => null()          !! by its forward runs
     contains
         procedure :: release => release_scene
@@ -133,15 +135,17 @@ contains
         type(inverse_solver), pointer :: new
         type(solver_box), pointer :: box
 
-        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, options%wants_errors), merge(2, 1, options%wants_rcond), &
-                             merge(2, 1, options%wants_distance), options%solver)
+        box => scene%placing
+        if (options%wants_forces) box => scene%planned( &
+            merge(2, 1, wants_reactions), merge(2, 1, options%wants_errors), merge(2, 1, options%wants_rcond), &
+            merge(2, 1, options%wants_distance), options%solver)
         call hold_lock()
         solver => box%solver
         call release_lock()
         if (associated(solver)) return
         allocate (new)
         call hold_texts()
-        call check_actuators(scene%model%scene, status)
+        if (options%wants_forces) call check_actuators(scene%model%scene, status)
         if (status%is_ok()) call prepare_inverse(scene%model, to_be_kept(options), wants_reactions, new, status)
         call release_texts()
         call hold_lock()
@@ -155,6 +159,15 @@ contains
         call new%free()
         deallocate (new)
     end subroutine find_solver
+
+    !> The programs by which links of large batches are placed, without any equations.
+    subroutine find_placing(scene, solver, status)
+        type(open_scene), intent(inout), target :: scene
+        type(inverse_solver), pointer, intent(out) :: solver
+        type(status_type), intent(inout) :: status
+
+        call find_solver(scene, inverse_options(wants_forces=.false.), .false., solver, status)
+    end subroutine find_placing
 
     !> Of a solver that other calls will use.
     function to_be_kept(options) result(kept)
@@ -206,6 +219,7 @@ contains
         class(open_scene), intent(inout) :: self
 
         call free_solvers(size(self%planned), self%planned)
+        call free_box(self%placing)
         call leave_programs(self%shared)
     end subroutine release_scene
 
@@ -215,11 +229,17 @@ contains
         integer :: i
 
         do i = 1, n
-            if (.not. associated(boxes(i)%solver)) cycle
-            call boxes(i)%solver%free()
-            deallocate (boxes(i)%solver)
+            call free_box(boxes(i))
         end do
     end subroutine free_solvers
+
+    subroutine free_box(box)
+        type(solver_box), intent(inout) :: box
+
+        if (.not. associated(box%solver)) return
+        call box%solver%free()
+        deallocate (box%solver)
+    end subroutine free_box
 
     !> A load of unknown value on the marker "link.marker".
     subroutine add_load(name, scene, status)
