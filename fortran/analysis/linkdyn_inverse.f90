@@ -754,8 +754,7 @@ contains
         nullify (recorded, margins, closer)
         if (is_worth_placing(model, n)) then
             if (associated(solver%closing)) call need_closer(model, solver, q, closer)
-            ! whether joints fit that were let go of the lanes see
-            if (model%share%n == 0) call need_record(model, solver, results, q, recorded)
+            call need_record(model, solver, results, q, recorded)
             if (present(trail)) call need_margins(model, solver, q, by_record%record)
             if (associated(by_record%record)) margins => by_record
         end if
