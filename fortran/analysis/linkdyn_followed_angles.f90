@@ -18,8 +18,8 @@ module linkdyn_followed_angles
     use linkdyn_turns, only: turning_angles, list_turning
     implicit none (type, external)
     private
-    public :: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, follow_seen, &
-        looks_for_angles, follow_within, angles_about, angles_at
+    public :: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, &
+        follow_seen, looks_for_angles, follow_within, angles_about, note_nearest, angles_at
 
     !> Places of the last step through which the angles were followed, on lane 1: its beginning, some within, its end.
     type :: way_type
@@ -41,6 +41,13 @@ module linkdyn_followed_angles
         real(wp), allocatable, private :: spin(:, :)           !! and turn so fast (lane, number) [rad/s]
         type(way_type), private :: way
     end type followed_angles
+
+    !> Places of steps from which angles are followed to states within these, a place a lane.
+    type :: followed_from
+        real(wp) :: t(lanes) = 0                               !! [s]
+        real(wp), allocatable :: angle(:, :), spin(:, :)       !! (lane, number) [rad], [rad/s]
+        real(wp), allocatable :: accepted(:, :)                !! where the step has led (lane, number) [rad]
+    end type followed_from
 
 contains
 
@@ -98,7 +105,7 @@ contains
         real(wp) :: pace(lanes)
         integer :: k
 
-        call measure_angles(model, state, angles, value, spin, pace)
+        call measure_angles(model, state, angles, angles%angle, value, spin, pace)
         do k = 1, size(value, 2)
             if (angles%is_measured(k)) &
                 value(:, k) = turned_to(value(:, k), angles%angle(:, k), angles%spin(:, k), spin(:, k), t - angles%t)
@@ -228,7 +235,7 @@ contains
         integer :: lane
 
         if (first == 1) call begin_anew(n_place, angles)
-        call measure_angles(model, state, angles, value, spin, pace)
+        call measure_angles(model, state, angles, angles%angle, value, spin, pace)
         do lane = 1, n
             ! a place that cannot be had tells nothing
             if (all(abs(value(lane, :)) <= huge(1.0_wp))) call go_on(t(lane), value(lane, :), spin(lane, :), pace(lane), angles)
@@ -278,38 +285,58 @@ contains
 
     ! ---------------------------------------------------------------- asked for
 
-    !> These angles in states of the last step, from the nearest place through which they were followed.
-    function angles_at(model, state, t, angles) result(angle)
+    !> From where the angles are followed to an instant of the last step, from a lane on: the nearest place on its way.
+    subroutine note_nearest(angles, t, lane, from)
+        type(followed_angles), intent(in) :: angles
+        real(wp), intent(in) :: t                              !! [s]
+        integer, intent(in) :: lane
+        type(followed_from), intent(inout) :: from
+        integer :: i, k
+
+        if (.not. allocated(angles%angle)) return              ! nobody follows any
+        if (.not. allocated(from%accepted)) allocate (from%angle, from%spin, from%accepted, source=angles%angle)
+        i = 1
+        if (wraps_anywhere(angles)) i = minloc(abs(angles%way%t(:angles%way%n) - t), dim=1)
+        do k = 1, size(angles%angle, 2)
+            from%accepted(lane:, k) = angles%angle(1, k)
+            if (.not. angles%is_measured(k)) cycle
+            from%angle(lane:, k) = angles%way%angle(k, i)
+            from%spin(lane:, k) = angles%way%spin(k, i)
+        end do
+        if (wraps_anywhere(angles)) from%t(lane:) = angles%way%t(i)
+    end subroutine note_nearest
+
+    !> These angles in states, from such places.
+    function angles_at(model, state, t, angles, from) result(angle)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: t(lanes)                       !! [s]
         type(followed_angles), intent(in) :: angles
+        type(followed_from), intent(in) :: from
         real(wp), dimension(lanes, size(angles%angle, 2)) :: angle, spin    ! (lane, number) [rad], [rad/s]
         real(wp) :: pace(lanes)
-        integer :: lane, i
+        integer :: k
 
-        call measure_angles(model, state, angles, angle, spin, pace)
+        call measure_angles(model, state, angles, from%accepted, angle, spin, pace)
         if (.not. wraps_anywhere(angles)) return
-        associate (way => angles%way)
-            do lane = 1, lanes
-                i = minloc(abs(way%t(:way%n) - t(lane)), dim=1)
-                where (angles%is_measured) angle(lane, :) = &
-                    turned_to(angle(lane, :), way%angle(:, i), way%spin(:, i), spin(lane, :), t(lane) - way%t(i))
-            end do
-        end associate
+        do k = 1, size(angle, 2)
+            if (angles%is_measured(k)) &
+                angle(:, k) = turned_to(angle(:, k), from%angle(:, k), from%spin(:, k), spin(:, k), t - from%t)
+        end do
     end function angles_at
 
     !> Angles as a state has them: measured ones but for whole turns. An angle that does not go round needs no rate to be followed.
-    subroutine measure_angles(model, state, angles, value, spin, pace)
+    subroutine measure_angles(model, state, angles, near, value, spin, pace)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         type(followed_angles), intent(in) :: angles
+        real(wp), intent(in) :: near(:, :)             !! where the angles have got to (lane, number) [rad]
         real(wp), intent(out), dimension(lanes, size(angles%angle, 2)) :: value, spin    !! (lane, number) [rad], [rad/s]
         real(wp), intent(out) :: pace(lanes)           !! of the joint angle that turns fastest [rad/s]
         real(wp), dimension(lanes, model%n_variable) :: variable, rate
         integer :: i
 
-        value = angles%angle
+        value = near
         spin = angles%spin
         variable = 0
         rate = 0
@@ -324,7 +351,7 @@ contains
                     cycle
                 end if
                 if (angles%counts(i)) then
-                    call measure_variable(model, state, j, v, angles%angle(:, k), value(:, k), spin(:, k))
+                    call measure_variable(model, state, j, v, near(:, k), value(:, k), spin(:, k))
                     cycle
                 end if
                 value(:, k) = variable(:, model%joint(j)%first_variable + v)

@@ -19,6 +19,7 @@ module linkdyn_forward
     use linkdyn_forward_kinks, only: next_kink, is_there_by
     use linkdyn_forward_phase, only: forward_options, plan_phase
     use linkdyn_forward_run, only: forward_run, finish_forward, passed_now
+    use linkdyn_forward_system, only: standing_lanes
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_words, only: coordinates_in_words, rounding_in_words
     use linkdyn_integrator, only: integrator_options, choose_method, check_options, method_name, default_method, method_rk4, &
@@ -28,10 +29,12 @@ module linkdyn_forward
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
+    use linkdyn_motor_states, only: motors_have_laws
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: frame_link, law_none, n_stop, n_clutch, n_controller, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_singular
@@ -210,6 +213,9 @@ contains
         real(wp), allocatable :: angle(:, :)           ! of joints, their turns counted (n_variable, n)
         type(sample_assembly) :: assembly
         real(wp), allocatable :: waiting(:, :)         ! solutions at instants that are not evaluated yet (lane, n)
+        type(standing_lanes) :: standing               ! from where these are
+        real(wp) :: last_step(lanes)                   ! that has led there [s]
+        logical :: are_there                           ! the run has come to them
         logical :: is_lost(size(instants))
         integer :: i, first, phase, n_found, n_waiting, n_passed(0:size(instants))
 
@@ -243,7 +249,7 @@ contains
         first = 0
         do i = 1, size(t)
             if (run%options%listens) call start_listening()
-            if (.not. run%has_stopped) call go_to(run, t(i))
+            if (.not. run%has_stopped) call lead_to(i)
             if (run%options%listens) call stop_listening()
             if (.not. (run%has_stopped .or. run%integrator%is_paused)) call stop_where_passed(run, t(i))
             if (run%integrator%is_paused) exit
@@ -260,15 +266,19 @@ contains
                 call take_samples(i - 1)
                 if (first > 0) call find_forces(first, i - 1)
                 waiting = run%output
+                standing = standing_lanes()
                 first = i
                 phase = run%phase
                 if (has_assemblies(run%model) .or. phase > 1) call make_room(run%model, size(t) - i + 1, assembly)
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
             is_lost(i) = run%integrator%is_lost
-            if (is_lost(i)) call take_samples(i - 1)
+            if (is_lost(i) .or. run%has_stopped) call take_samples(i - 1)
             n_waiting = n_waiting + 1
+            are_there = .not. run%has_stopped .or. run%is_over
             waiting(n_waiting, :) = run%output(1, :)
+            last_step(n_waiting) = run%integrator%last_step
+            call run%system%leave_standing_here(t(i), n_waiting, standing)
             if (.not. may_wait(i)) call take_samples(i)
             n_done = i
             if (run%is_over) exit
@@ -281,13 +291,32 @@ contains
 
     contains
 
-        !> May a sample be evaluated together with the next one? Only within a step, and where nothing happens between the two.
+        !> Samples that wait are evaluated before the phase changes. What the run has failed of stays to be told.
+        subroutine lead_to(i)
+            integer, intent(in) :: i                   !! sample
+            type(kinematic_state) :: state
+            integer :: status(lanes)
+
+            run%outputs_wait = n_waiting > 0
+            call go_to(run, t(i))
+            if (.not. run%wants_outputs) return
+            run%wants_outputs = .false.
+            state = run%system%workspace%state
+            status = run%system%workspace%status
+            call take_samples(i - 1)
+            run%system%workspace%state = state
+            run%system%workspace%status = status
+            run%outputs_wait = .false.
+            call go_to(run, t(i))
+        end subroutine lead_to
+
+        !> May a sample be evaluated together with the next one? Only where nothing happens between the two.
         pure logical function may_wait(i)
             integer, intent(in) :: i
 
             may_wait = i < size(t) .and. n_waiting < lanes .and. .not. (is_lost(i) .or. run%has_stopped .or. run%is_over)
             if (.not. may_wait) return
-            may_wait = run%integrator%t > t(i + 1) .and. &
+            may_wait = (run%integrator%t > t(i + 1) .or. may_wait_for_steps(run)) .and. &
                        .not. is_there_by(next_kink(run%kinks, run%system), t(i + 1)) &
                        .and. run%system%n_guard == 0 .and. n_clutch(run%model%scene) == 0 &
                        .and. n_controller(run%model%scene) == 0
@@ -297,30 +326,31 @@ contains
         subroutine take_samples(last)
             integer, intent(in) :: last
             real(wp) :: solution(lanes, run%system%n), on_lanes(lanes, run%own%n_variable)
-            integer :: sample, lane, n, before
-            logical :: is_there
+            integer :: sample, lane, n, before, obstacle(lanes)
 
             n = n_waiting
             n_waiting = 0
             if (n == 0) return
             before = last - n
-            is_there = .not. run%has_stopped .or. run%is_over
+            obstacle = run%system%obstacle
             solution = waiting([(min(lane, n), lane=1, lanes)], :)
-            if (is_there) then
-                call take_outputs(run, n, t([(min(before + lane, last), lane=1, lanes)]), is_lost(last), solution, &
+            if (are_there) then
+                call take_outputs(run, n, t([(min(before + lane, last), lane=1, lanes)]), is_lost(last), standing, solution, &
                                   q(:, before + 1:last), qd(:, before + 1:last), qdd(:, before + 1:last), &
                                   force(:, before + 1:last))
                 if (allocated(angle) .and. .not. is_lost(last)) then
-                    on_lanes = run%system%joint_angles(t([(min(before + lane, last), lane=1, lanes)]))
+                    on_lanes = run%system%joint_angles(t([(min(before + lane, last), lane=1, lanes)]), standing)
                     angle(:, before + 1:last) = transpose(on_lanes(:n, :))
                 end if
             end if
             do lane = 1, n
                 sample = before + lane
-                if (is_there) call keep_sample(sample, lane, solution(lane, :))
-                call tell_sample(sample, lane, solution, is_there)
-                n_passed(sample) = passed_now(run)
+                if (are_there) call keep_sample(sample, lane, solution(lane, :))
+                call tell_sample(sample, lane, solution, are_there)
+                n_passed(sample) = run%n_crossed
+                if (.not. are_there) n_passed(sample) = passed_now(run)
             end do
+            run%system%obstacle = obstacle
         end subroutine take_samples
 
         !> What the forces are found from.
@@ -331,7 +361,7 @@ contains
             rate(:, i) = qd(:, i)
             call read_attitudes(run%model, run%system%layout, solution, quaternion(:, :, i), rate(:, i))
             associate (state => run%system%workspace%state)
-                call keep_evaluated(run%model, t(i), run%system%assembly, state, lane, i - first + 1, assembly, run%n_crossed)
+                call keep_evaluated(run%model, t(i), standing%assembly, state, lane, i - first + 1, assembly, run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = state%counted(lane, :)
             end associate
             if (has_hard_stops(run%model%scene)) &
@@ -355,8 +385,8 @@ contains
             if (associated(results%clutch_slip) .and. is_there) results%clutch_slip(:, i) = run%system%slips_at(t(i), solution)
             call tell_clutches(run%system%clutch, i, is_good, results)
             call tell_controllers(run%system%control%state, i, is_good, results)
-            if (associated(results%step)) results%step(i) = run%integrator%last_step
-            call tell_coordinates(run, q(:, i), qd(:, i), i, lane, results)
+            if (associated(results%step)) results%step(i) = last_step(lane)
+            call tell_coordinates(run, is_there, q(:, i), qd(:, i), i, lane, results)
         end subroutine tell_sample
 
         !> The forces of samples of one phase. An interrupt leaves them unfinished: these samples are not given.
@@ -378,6 +408,17 @@ contains
             if (.not. is_interrupted()) n_found = last
         end subroutine find_forces
     end subroutine advance_forward
+
+    !> May samples of several steps be evaluated together? Not where something beside the assembly goes along with the steps: friction,
+    !> laws over the state, brakes, the assembly of a motion whose forces drives apply. Nor before the records are there by which forces
+    !> are found and groups closed: no bit of a sample may depend on when it is evaluated.
+    pure logical function may_wait_for_steps(run) result(may)
+        type(forward_run), intent(in) :: run
+
+        may = size(run%model%contact) == 0 .and. size(run%model%scene%laws%law) == 0 .and. .not. motors_have_laws(run%model)
+        if (run%system%of_motion%is_needed) may = may .and. run%system%of_motion%has_record .and. .not. has_assemblies(run%own)
+        if (size(run%model%group) > 0) may = may .and. associated(run%system%assembly%closer)
+    end function may_wait_for_steps
 
     !> What clutches do.
     subroutine tell_clutches(clutch, i, is_good, results)
@@ -410,8 +451,9 @@ contains
     end subroutine tell_controllers
 
     !> A sample's coordinates as the user has them, and what was integrated in their place.
-    subroutine tell_coordinates(run, q, qd, i, lane, results)
+    subroutine tell_coordinates(run, is_there, q, qd, i, lane, results)
         type(forward_run), intent(in) :: run
+        logical, intent(in) :: is_there                !! the run has come to the sample
         real(wp), intent(in) :: q(:), qd(:)            !! of the coordinates integrated (n_q)
         integer, intent(in) :: i                       !! sample
         integer, intent(in) :: lane                    !! that it is on
@@ -423,7 +465,7 @@ contains
         own_qd = qd
         associate (choice => run%known(run%phase)%phase%choice)
             do k = 1, size(q)
-                if (choice(k) > 0 .and. (run%is_over .or. .not. run%has_stopped)) &
+                if (choice(k) > 0 .and. is_there) &
                     call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k), lane=lane)
             end do
             if (associated(results%q)) results%q(:, i) = own_q
@@ -433,11 +475,12 @@ contains
     end subroutine tell_coordinates
 
     !> Coordinates and given driving forces at instants reached.
-    subroutine take_outputs(run, n, t, is_lost, solution, q, qd, qdd, force)
+    subroutine take_outputs(run, n, t, is_lost, standing, solution, q, qd, qdd, force)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: n                       !! samples, on the first lanes; the others are like the last of these
         real(wp), intent(in) :: t(lanes)               !! [s]
         logical, intent(in) :: is_lost
+        type(standing_lanes), intent(inout) :: standing    !! from where the samples are evaluated
         real(wp), intent(inout) :: solution(:, :)      !! not a number where it is lost (lane, n)
         real(wp), intent(out) :: q(:, :), qd(:, :), qdd(:, :), force(:, :)    !! (..., sample)
         real(wp) :: rate(lanes, run%system%n)
@@ -449,11 +492,11 @@ contains
             solution = ieee_value(1.0_wp, ieee_quiet_nan)
         else
             run%system%n_used = n
-            call run%system%evaluate_on_lanes(t, solution, rate, failed)
+            call run%system%evaluate_on_lanes(t, solution, rate, failed, standing)
             run%system%n_used = lanes
             force = transpose(run%system%workspace%driving_force(:n, :))
         end if
-        call read_coordinates(run%model, run%system%layout, t, solution, run%system%turns, run%system%workspace%state, &
+        call read_coordinates(run%model, run%system%layout, t, solution, standing%turns, run%system%workspace%state, &
                               lane_q, lane_qd, lane_qdd)
         q = transpose(lane_q(:n, :))
         qd = transpose(lane_qd(:n, :))

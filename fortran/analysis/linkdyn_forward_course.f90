@@ -37,7 +37,7 @@ contains
         where (run%system%is_driven_through) run%integrator%failed = .true.
     end subroutine start_integrator
 
-    !> Integrate to t, stopping at every kink on the way.
+    !> Integrate to t, stopping at every kink on the way. The run comes back before its phase changes if it `wants_outputs`: call again.
     subroutine go_to(run, t)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
@@ -48,10 +48,11 @@ contains
             kink = next_kink(run%kinks, run%system)
             if (.not. is_there_by(kink, t) .or. all(run%integrator%failed)) exit
             call advance_to(run, kink)
-            if (run%integrator%is_paused) return
+            if (run%integrator%is_paused .or. run%wants_outputs) return
             call pass_kink(run%kinks, run%system, run%integrator, run%y, kink)
         end do
         call advance_to(run, max(t, run%kinks%passed))
+        if (run%wants_outputs) return
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
@@ -75,6 +76,8 @@ contains
             else if (all(run%integrator%failed) .and. run%integrator%reason == stop_event) then
                 exit
             else if (run%system%wants_rest .or. all(run%integrator%failed)) then
+                run%wants_outputs = run%outputs_wait
+                if (run%wants_outputs) return
                 call change_phase(run)
             end if
             if (all(run%integrator%failed)) exit

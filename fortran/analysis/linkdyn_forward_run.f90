@@ -36,6 +36,8 @@ module linkdyn_forward_run
         logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]
         real(wp) :: t_given = -huge(1.0_wp)            !! instant of the last sample given [s]
+        logical :: outputs_wait = .false.              !! states of output are not evaluated yet
+        logical :: wants_outputs = .false.             !! they have to be: the phase is about to change
         character(len=256) :: reason = ""              !! why it stopped
     end type forward_run
 

@@ -13,7 +13,7 @@
 !> one of them.
 module linkdyn_forward_system
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, measure_rates, note_start
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
@@ -30,8 +30,8 @@ module linkdyn_forward_system
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
-    use linkdyn_followed_angles, only: followed_angles, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, &
-        follow_angles, looks_for_angles, follow_within, angles_at
+    use linkdyn_followed_angles, only: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, &
+        wraps_anywhere, follow_angles, looks_for_angles, follow_within, note_nearest, angles_at
     use linkdyn_forward_look, only: forward_look, free_looks
     use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
@@ -58,7 +58,14 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, forward_memory, build_forward_system
+    public :: forward_system, forward_memory, standing_lanes, build_forward_system
+
+    !> Where states that are evaluated later set out from, a state a lane.
+    type :: standing_lanes
+        type(carried_assembly) :: assembly
+        real(wp), allocatable :: turns(:, :)           !! of angles that are not in y (lane, n)
+        type(followed_from) :: of_joints               !! their angles, if somebody has asked for them
+    end type standing_lanes
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -134,6 +141,7 @@ module linkdyn_forward_system
         procedure :: begin
         procedure :: take_over
         procedure :: count_joint_turns
+        procedure :: leave_standing_here
         procedure :: joint_angles
         procedure :: look_at
         procedure, private :: look_closely
@@ -613,20 +621,26 @@ contains
     end function has_record_now
 
     !> dy/dt on all lanes, and everything else of these states in the workspace.
-    subroutine evaluate_on_lanes(self, t, y, rate, failed)
+    subroutine evaluate_on_lanes(self, t, y, rate, failed, there)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
+        type(standing_lanes), intent(inout), optional :: there    !! where they set out from; absent: from the accepted state
 
         self%watch%is_compared = .false.
         self%is_by_record = .false.
         self%is_behind = .false.
         associate (model => self%model, workspace => self%workspace)
-            call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call lane_loads(model, t, workspace%load)
-            call evaluate_assembled(model, t, self%assembly, workspace%state)
+            if (present(there)) then
+                call unpack_state(model, self%layout, t, y, there%turns, workspace%state)
+                call evaluate_assembled(model, t, there%assembly, workspace%state)
+            else
+                call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
+                call evaluate_assembled(model, t, self%assembly, workspace%state)
+            end if
             self%held%is_measured = .false.
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
@@ -871,13 +885,31 @@ contains
         if (.not. allocated(self%look%q)) call prepare_kinematics(self%model, 0, self%look)
     end subroutine need_look
 
+    !> A state of the last step is evaluated later: from a lane on, others set out from here.
+    subroutine leave_standing_here(self, t, lane, there)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: t                      !! of the state [s]
+        integer, intent(in) :: lane
+        type(standing_lanes), intent(inout) :: there
+
+        integer :: k
+
+        if (.not. allocated(there%turns)) there%turns = self%turns
+        do k = 1, self%n
+            there%turns(lane:, k) = self%turns(1, k)
+        end do
+        call leave_standing(self%assembly, lane, there%assembly)
+        call note_nearest(self%of_joints, t, lane, there%of_joints)
+    end subroutine leave_standing_here
+
     !> Joint angles with their turns, of the states evaluated last on lanes; other joint variables: 0.
-    function joint_angles(self, t) result(angle)
+    function joint_angles(self, t, there) result(angle)
         class(forward_system), intent(in) :: self
         real(wp), intent(in) :: t(lanes)               !! of the states [s]
+        type(standing_lanes), intent(in) :: there      !! where they have set out from
         real(wp) :: angle(lanes, self%model%n_variable)       ! [rad]
 
-        angle = angles_at(self%model, self%workspace%state, t, self%of_joints)
+        angle = angles_at(self%model, self%workspace%state, t, self%of_joints, there%of_joints)
     end function joint_angles
 
     !> Has the last step made energy of nothing, or lost it?

@@ -45,7 +45,7 @@ module linkdyn_motion_forces
         type(carried_assembly) :: assembly
         real(wp), private :: t(lanes) = -huge(1.0_wp)  !! instants of the forces found last [s]
         type(state_layout), private :: layout          !! nothing of the motion is integrated
-        logical, private :: has_record = .false.
+        logical :: has_record = .false.
         logical, private :: is_by_record = .false.     !! what was found last is the record's
         type(forward_record) :: record
         integer :: n_by_record = 0                     !! evaluations by the record alone

@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, keep_evaluated, count_passed, leaves_doubt, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, leaves_doubt, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -104,6 +104,40 @@ contains
             branch = model%branch(:model%n_branch)
         end if
     end subroutine take_branches
+
+    !> Let another assembly stand where the first lane does, from a lane on: states are evaluated from there later.
+    subroutine leave_standing(assembly, lane, there)
+        type(carried_assembly), intent(in) :: assembly
+        integer, intent(in) :: lane
+        type(carried_assembly), intent(inout) :: there
+        integer :: i
+
+        if (.not. assembly%is_needed) return
+        if (.not. there%is_needed) then
+            there%is_needed = .true.
+            there%q = assembly%q
+            there%quaternion = assembly%quaternion
+            there%branch = assembly%branch
+            there%margin = assembly%margin
+            there%drift = assembly%drift
+            there%side = assembly%side
+            if (allocated(assembly%place)) there%place = assembly%place
+            if (allocated(assembly%column)) there%column = assembly%column
+        end if
+        there%closer => assembly%closer
+        there%t(lane:) = assembly%t(1)
+        there%n_crossed(lane:) = assembly%n_crossed(1)
+        do i = lane, lanes
+            there%q(i, :) = assembly%q(1, :)
+            there%quaternion(i, :, :) = assembly%quaternion(1, :, :)
+            there%branch(i, :) = assembly%branch(1, :)
+            there%margin(i, :) = assembly%margin(1, :)
+            there%drift(i, :) = assembly%drift(1, :)
+            there%side(i, :) = assembly%side(1, :)
+            if (allocated(assembly%place)) there%place(i, :, :) = assembly%place(1, :, :)
+            if (allocated(assembly%column)) there%column(i, :, :, :) = assembly%column(1, :, :, :)
+        end do
+    end subroutine leave_standing
 
     !> Kinematics of a state tried; on the assembly that leads there, if there are several.
     subroutine evaluate_assembled(model, t, assembly, state)
