@@ -65,3 +65,24 @@ def test_they_cost_no_steps_of_their_own(name: str, method: str) -> None:
     few, many = run(name, 2000, 2001, method=method), run(name, 1, 2001, method=method)
     assert many.attrs["steps"] == few.attrs["steps"]
     assert many.attrs["right_hand_sides"] <= few.attrs["right_hand_sides"] + 60 * few.attrs["steps"]
+
+
+AT_STEPS = {"fourbar_constant_torque": 5.0, "andrews": 0.05, "stewart_forward": 1.0, "spatial_slider_crank": 3.0, "rcsp_start": 2.0, "fourbar_start": 4.0}
+"""Whole turns, exchanges of coordinates, and a run that may stop [s]."""
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+@pytest.mark.parametrize("name", AT_STEPS)
+def test_instants_of_several_steps_are_told_as_each_alone(name: str, method: str) -> None:
+    """About one instant a step: states of several steps stand on the lanes together, each with its own assembly, turns and step."""
+    t = np.linspace(0.0, AT_STEPS[name], 161)
+    many = load(name).forward(t=t, method=method, rtol=1e-6, atol=1e-6)
+    few = load(name).forward(t=t[::20], method=method, rtol=1e-6, atol=1e-6)
+    same = many.isel(sample=slice(None, None, 20))
+    for said in ("steps", "stopped", "coordinates_integrated"):
+        assert few.attrs[said] == many.attrs[said]
+    for result in {"q", "qd", "status", "step", "stand_in"} & set(many):
+        np.testing.assert_array_equal(few[result].values, same[result].values, err_msg=result)
+    for result in ("joint_variable", "joint_rate", "reaction"):
+        size = np.nanmax(np.abs(many[result].values))
+        np.testing.assert_allclose(few[result].values, same[result].values, rtol=0.0, atol=1e-11 * size, err_msg=result)
