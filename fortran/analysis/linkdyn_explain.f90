@@ -139,6 +139,11 @@ contains
         write (unit, "(2x,a)") "not determined by the equations: "//shares_in_words(model)
         write (unit, "(2x,a)") "redundancy = """//trim(share_name(model%scene%redundancy))//""": of these the "// &
             trim(merge("least sum of squares", "least elastic energy", model%scene%redundancy == share_by_least_norm))
+        how = ""
+        do j = 1, size(model%scene%link)
+            if (allocated(model%scene%link(j)%arm)) how = how//", "//trim(model%scene%link(j)%name)
+        end do
+        if (how /= "") write (unit, "(2x,a)") "links that give way: "//how(3:)
     end subroutine explain_redundancy
 
     subroutine explain_unknowns(model, unit)

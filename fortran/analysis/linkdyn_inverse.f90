@@ -9,7 +9,8 @@ module linkdyn_inverse
         reached_straight, judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_contact_force, result_power_imbalance, &
-        result_friction, result_friction_power, result_position
+        result_friction, result_friction_power, result_position, &
+        result_joint_push
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, free_condition, prepare_condition, &
         eliminate_block, &
@@ -104,6 +105,8 @@ module linkdyn_inverse
         real(wp), allocatable :: position(:, :, :)              !! (3, n_link, sample)
         real(wp), allocatable :: rotation(:, :, :, :)           !! (3, 3, n_link, sample)
         integer, allocatable :: status(:)                       !! `sample_*` (sample)
+        real(wp), allocatable :: push(:, :, :)                  !! what acts at joints beside reactions; there if links give way
+                                                                !! (n_component, n_joint, sample)
     end type left_places
 
     !> Scratch that no thread is using: a list, changed by one thread at a time.
@@ -352,6 +355,10 @@ contains
             if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
                                   stand%status(n_left))
             wanted = wanted_forces(results)
+            if (shares .and. associated(results%reaction) .and. size(model%arm) > 0) then
+                wanted = [wanted, result_joint_push]
+                allocate (stand%push(model%n_component, model%n_joint, n_left))
+            end if
             call run_on_lanes()
             if (shares .and. .not. is_interrupted()) call share()
         end if
@@ -387,7 +394,8 @@ contains
 
             which = [(sample_of(place), place=1, n_left)]
             if (associated(results%reaction)) then
-                call share_reactions(model, threads, stand%position, stand%rotation, stand%status, which, results%reaction)
+                call share_reactions(model, threads, stand%position, stand%rotation, stand%status, which, results%reaction, &
+                                     stand%push)
             else
                 call share_reactions(model, threads, stand%position, stand%rotation, stand%status, which)
             end if
@@ -608,6 +616,7 @@ contains
             real(wp), allocatable :: transmission(:, :)
             real(wp), dimension(lanes, model%n_cam) :: press, pressure
             real(wp) :: strand(lanes, 2*size(model%belt))
+            real(wp), allocatable :: push(:, :)
             integer :: lane, sample, i, outcome(lanes)
             logical :: failed
 
@@ -619,6 +628,7 @@ contains
                     call transmission_angles(model, workspace%state, transmission)
                 end if
             end if
+            if (allocated(stand%push)) push = found_of(workspace, result_joint_push, model%n_component*model%n_joint)
             if (associated(results%contact_force)) press = found_of(workspace, result_contact_force, model%n_cam)
             if (associated(results%pressure_angle)) call measure_pressure_angles(model, workspace%state, pressure)
             do i = 1, merge(size(model%belt), 0, associated(results%strand_force))
@@ -652,6 +662,8 @@ contains
                 failed = outcome(lane) /= sample_ok
                 if (associated(results%status)) results%status(sample) = outcome(lane)
                 if (shares) call note_place(workspace%state, lane, (block - 1)*lanes + lane, outcome(lane))
+                if (allocated(push)) stand%push(:, :, (block - 1)*lanes + lane) = &
+                    reshape(push(lane, :), [model%n_component, model%n_joint])
                 if (associated(results%driving_force)) then
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
                 end if

@@ -13,6 +13,7 @@ module linkdyn_shared_reactions
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
+    use linkdyn_elastic_links, only: list_arm_parts, wrench_on_arm
     use linkdyn_gear_fit, only: gears_go_along
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
@@ -30,10 +31,17 @@ module linkdyn_shared_reactions
 
     integer, parameter :: few = 64                      !! samples that a thread takes at a time
 
+    !> Squares that make the elastic energy of links.
+    type :: arm_energy
+        real(wp), allocatable :: part(:, :)             !! of a unit of each row (part, row)
+        real(wp), allocatable :: weight(:)              !! (part)
+        real(wp), allocatable :: start(:)               !! before anything is shared (part)
+    end type arm_energy
+
 contains
 
     !> Share the reactions of some samples of a batch, and flag those whose joints gape.
-    subroutine share_reactions(model, threads, position, rotation, status, sample, reaction)
+    subroutine share_reactions(model, threads, position, rotation, status, sample, reaction, push)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads                  !! at most
         real(wp), intent(in) :: position(:, :, :)       !! origins of the links [m] (3, n_link, n)
@@ -41,6 +49,7 @@ contains
         integer, intent(inout) :: status(:)             !! (n)
         integer, intent(in) :: sample(:)                !! which of the batch these are (n)
         real(wp), intent(inout), optional :: reaction(:, :, :)    !! of the batch, world axes [N, N m] (n_component, n_joint, all)
+        real(wp), intent(in), optional :: push(:, :, :)    !! what else joints do, for links that give way (n_component, n_joint, n)
         integer :: first
 
         call hold_blas_threads()
@@ -69,7 +78,9 @@ contains
                 end if
                 loop%position(:, 1:) = position(:, model%share%link, i)/loop%size
                 loop%rotation(:, :, 1:) = rotation(:, :, model%share%link, i)
-                if (present(reaction)) then
+                if (present(push)) then
+                    call share_sample(model, loop, workspace, status(i), reaction(:, :, sample(i)), push(:, :, i))
+                else if (present(reaction)) then
                     call share_sample(model, loop, workspace, status(i), reaction(:, :, sample(i)))
                 else
                     call share_sample(model, loop, workspace, status(i))
@@ -103,13 +114,15 @@ contains
         loop%rotation(:, :, 0) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
     end subroutine take_shared_joints
 
-    subroutine share_sample(model, loop, workspace, status, reaction)
+    subroutine share_sample(model, loop, workspace, status, reaction, push)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop
         type(dense_workspace), intent(inout) :: workspace
         integer, intent(inout) :: status
         real(wp), intent(inout), optional :: reaction(:, :)    !! (n_component, n_joint)
+        real(wp), intent(in), optional :: push(:, :)           !! what else joints do (n_component, n_joint)
         type(rows_type) :: rows
+        type(arm_energy) :: arms
         real(wp), allocatable :: stress(:, :), open(:)
         real(wp) :: wrench(6)
         logical :: is_singular
@@ -127,7 +140,12 @@ contains
             return
         end if
         open = parts_of(loop, rows, reaction)
-        call relax(model, loop, rows, stress, workspace, open, is_singular)
+        if (present(push)) then
+            call load_arms(model, loop, rows, reaction + push, arms)
+        else
+            call load_arms(model, loop, rows, reaction, arms)
+        end if
+        call relax(model, loop, rows, stress, arms, workspace, open, is_singular)
         if (is_singular) then
             status = sample_singular
             return
@@ -140,13 +158,37 @@ contains
         end do
     end subroutine share_sample
 
+    !> The elastic energy of the links: its parts by reactions, and what they are before states of self-stress come to these.
+    subroutine load_arms(model, loop, rows, wrench, arms)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(in) :: rows
+        real(wp), intent(in) :: wrench(:, :)            !! that each joint has on its second link (n_component, n_joint)
+        type(arm_energy), intent(out) :: arms
+        integer, allocatable :: arm(:), of_arm(:)
+        real(wp) :: whole(6)
+        integer :: p
+
+        call list_arm_parts(model, loop, rows, arms%part, arms%weight, arm, of_arm)
+        allocate (arms%start(size(arm)))
+        do p = 1, size(arm)
+            associate (a => model%arm(arm(p)))
+                whole = 0
+                whole(loop%column) = wrench(:, a%joint)
+                whole = wrench_on_arm(model, loop, findloc(loop%joint, a%joint, dim=1), a%side, whole)
+                arms%start(p) = dot_product(a%row(:, of_arm(p)), whole)
+            end associate
+        end do
+    end subroutine load_arms
+
     !> What states of self-stress add to reactions, so that the elastic energy, or the sum of squares, is the least. Teeth are the
     !> first to share by the sum of squares: equal planets then take equal parts, whatever their weights do to their pins.
-    subroutine relax(model, loop, rows, stress, workspace, open, is_singular)
+    subroutine relax(model, loop, rows, stress, arms, workspace, open, is_singular)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop
         type(rows_type), intent(in) :: rows
         real(wp), intent(in) :: stress(:, :)            !! (row, state)
+        type(arm_energy), intent(in) :: arms            !! none by the sum of squares
         type(dense_workspace), intent(inout) :: workspace
         real(wp), intent(inout) :: open(:)              !! parts of the reactions; then what is added to them (row)
         logical, intent(out) :: is_singular
@@ -158,7 +200,7 @@ contains
         is_singular = .false.
         tooth = pack([(i, i=1, rows%n)], is_geared(loop%kind(rows%joint(:rows%n))))
         if (size(tooth) == 0 .or. model%scene%redundancy == share_by_stiffness) then
-            call take_least(stress, compliances(model, loop, rows))
+            call take_least(stress, compliances(model, loop, rows), arms)
         else
             ! states that load teeth, square to those that do not
             of_teeth = stress(tooth, :)
@@ -171,9 +213,11 @@ contains
 
     contains
 
-        subroutine take_least(state, compliance)
+        subroutine take_least(state, compliance, arms)
             real(wp), intent(in) :: state(:, :)         !! (row, state)
             real(wp), intent(in) :: compliance(:)
+            type(arm_energy), intent(in), optional :: arms
+            real(wp), allocatable :: bent(:, :)         ! (part, state)
             real(wp) :: soft(size(state, 1), size(state, 2)), rcond, error_bound
             real(wp), allocatable :: energy(:, :), part(:)
 
@@ -181,6 +225,11 @@ contains
             soft = state*spread(compliance, 2, size(state, 2))
             energy = matmul(transpose(state), soft)
             part = -matmul(transpose(soft), open + added)
+            if (present(arms)) then
+                bent = matmul(arms%part, state)
+                energy = energy + matmul(transpose(bent), spread(arms%weight, 2, size(state, 2))*bent)
+                part = part - matmul(arms%weight*arms%start, bent)
+            end if
             call solve_dense(workspace, energy, part, rcond, error_bound, is_singular)
             if (.not. is_singular) added = added + matmul(state, part)
         end subroutine take_least

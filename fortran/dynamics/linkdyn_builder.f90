@@ -10,6 +10,7 @@ module linkdyn_builder
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
+    use linkdyn_elastic_links, only: take_arms
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: have_same_course
@@ -227,6 +228,7 @@ contains
         end do
         call take_payloads(model)
         call take_motors(model)
+        call take_arms(model, status)
         call list_contacts(model%scene, model%contact)
         call spread_weld_starts(model)
         call number_courses(model%scene)

@@ -20,14 +20,16 @@ module linkdyn_reaction_sharing
     use linkdyn_layout, only: sparse_layout
     use linkdyn_least_squares, only: find_least
     use linkdyn_linear_form, only: linear_form, find_linear_form
-    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, must_be_positive, told_pair_of, marker_frame
-    use linkdyn_model, only: model_type, gear_type, holds_spin, is_released, scene_size, gapes
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, must_be_positive, told_pair_of, marker_frame, &
+        marker_point, point_of_action
+    use linkdyn_model, only: model_type, gear_type, arm_type, holds_spin, is_released, scene_size, gapes
     use linkdyn_null_states, only: null_states, find_null_states
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_scene, only: share_by_stiffness
     use linkdyn_system, only: system_type, solved
     use linkdyn_value, only: value, zero, is_zero, number_of, nearest_whole, operator(+), operator(-), operator(*), operator(/)
-    use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(.dot.)
+    use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(.dot.), &
+        operator(.cross.), operator(.unrotate.)
     implicit none (type, external)
     private
     public :: watch_fit, share_reactions
@@ -158,9 +160,10 @@ contains
 
     !> What comes to the reactions of the released mechanism, which is solved. What it takes is watched; without pivots that serve
     !> the samples the mechanism is not solved either.
-    subroutine share_reactions(mechanism, unknowns, system, added)
+    subroutine share_reactions(mechanism, unknowns, push, system, added)
         type(mechanism_type), intent(inout) :: mechanism
         type(force_unknowns), intent(in) :: unknowns
+        type(acting_type), intent(in) :: push(:)       !! what else acts at joints
         type(system_type), intent(inout) :: system
         type(value), intent(out) :: added(:, :)        !! world axes (6, joint) [N, N m]
         type(model_type), target :: model
@@ -190,6 +193,7 @@ contains
             stress%state(u, :) = zero()
         end do
         call find_parts(told, reactions, list, start_of(mechanism, unknowns, system, reactions, list), stress%state, parts)
+        call add_arms(told, unknowns, push, system, reactions, balance, stress%state, parts)
         call relax(parts, pack(is_tooth(told, list), stress%is_free), z, mechanism%watched)
         allocate (balance%solution(size(list)), source=zero())
         do u = 1, size(list)
@@ -285,7 +289,7 @@ contains
                     do axis = 1, 3
                         call find_linear_form(balance%forms, part(axis), form)
                         do k = 1, size(form%unknown)
-                            call set(place_of(form%unknown(k)), sort, axis, form%coefficient(k))
+                            call set(place_of(balance, form%unknown(k)), sort, axis, form%coefficient(k))
                         end do
                     end do
                 end do
@@ -293,13 +297,6 @@ contains
         end do
 
     contains
-
-        !> Unknowns are made one after the other, but those of other systems between.
-        pure integer function place_of(number)
-            integer, intent(in) :: number
-
-            place_of = findloc(balance%number(:balance%n_unknown), number, dim=1)
-        end function place_of
 
         !> A moment that comes with a force is no unknown of its own.
         subroutine set(u, sort, axis, coefficient)
@@ -411,33 +408,100 @@ contains
                     row(k) = row(k) + component(u)*state(u, k)
                 end do
             end do
-            call append_part(first, row, weight_of(told%model, told%model%share%joint(i), sort, direction), .false.)
+            call append_part(parts, first, row, weight_of(told%model, told%model%share%joint(i), sort, direction), .false.)
         end subroutine add
 
         subroutine add_one(u, weight)
             integer, intent(in) :: u
             real(wp), intent(in) :: weight
 
-            call append_part(start(u), state(u, :), weight, is_geared(told%model%joint(told%model%share%joint(list(u)%i))%kind))
+            call append_part(parts, start(u), state(u, :), weight, &
+                             is_geared(told%model%joint(told%model%share%joint(list(u)%i))%kind))
         end subroutine add_one
 
-        subroutine append_part(first, row, weight, is_tooth)
-            type(value), intent(in) :: first, row(:)
-            real(wp), intent(in) :: weight
-            logical, intent(in) :: is_tooth
-            type(value), allocatable :: longer(:, :)
-            integer :: n
-
-            n = size(parts%start)
-            allocate (longer(n + 1, size(row)))
-            longer(:n, :) = parts%state
-            longer(n + 1, :) = row
-            call move_alloc(longer, parts%state)
-            parts%start = [parts%start, first]
-            parts%weight = [parts%weight, weight]
-            parts%is_tooth = [parts%is_tooth, is_tooth]
-        end subroutine append_part
     end subroutine find_parts
+
+    subroutine append_part(parts, first, row, weight, is_tooth)
+        type(energy_parts), intent(inout) :: parts
+        type(value), intent(in) :: first, row(:)
+        real(wp), intent(in) :: weight
+        logical, intent(in) :: is_tooth
+        type(value), allocatable :: longer(:, :)
+        integer :: n
+
+        n = size(parts%start)
+        allocate (longer(n + 1, size(row)))
+        longer(:n, :) = parts%state
+        longer(n + 1, :) = row
+        call move_alloc(longer, parts%state)
+        parts%start = [parts%start, first]
+        parts%weight = [parts%weight, weight]
+        parts%is_tooth = [parts%is_tooth, is_tooth]
+    end subroutine append_part
+
+    !> What the energy of links is made of: arms are bent by all that a joint does.
+    subroutine add_arms(told, unknowns, push, system, reactions, balance, state, parts)
+        type(mechanism_type), intent(in) :: told
+        type(force_unknowns), intent(in) :: unknowns   !! of the released mechanism
+        type(acting_type), intent(in) :: push(:)
+        type(system_type), intent(inout) :: system, balance
+        type(force_unknowns), intent(in) :: reactions  !! of the joints as the scene has them
+        type(value), intent(in) :: state(:, :)         !! (unknown, state)
+        type(energy_parts), intent(inout) :: parts
+        type(linear_form) :: form
+        type(value) :: first, row(size(state, 2))
+        integer :: a, k, p, u
+
+        do a = 1, size(told%model%arm)
+            associate (arm => told%model%arm(a))
+                if (.not. any(told%model%share%joint == arm%joint)) cycle
+                do k = 1, arm%n
+                    first = bent_by(told, arm, k, unknowns%reaction(arm%joint))
+                    do p = 1, size(push)
+                        if (push(p)%joint == arm%joint) first = first + bent_by(told, arm, k, push(p))
+                    end do
+                    call find_linear_form(balance%forms, bent_by(told, arm, k, reactions%reaction(arm%joint)), form)
+                    row = zero()
+                    do u = 1, size(form%unknown)
+                        row = row + form%coefficient(u)*state(place_of(balance, form%unknown(u)), :)
+                    end do
+                    call append_part(parts, solved(system, first), row, arm%weight(k), .false.)
+                end do
+            end associate
+        end do
+    end subroutine add_arms
+
+    !> A part of the energy of an arm: what of it that is, which acts at its joint.
+    function bent_by(mechanism, arm, k, acting) result(part)
+        type(mechanism_type), intent(in) :: mechanism
+        type(arm_type), intent(in) :: arm
+        integer, intent(in) :: k
+        type(acting_type), intent(in) :: acting
+        type(value) :: part, whole(6)
+        type(vector) :: force, moment
+        integer :: l, i
+
+        l = mechanism%model%joint(arm%joint)%link(arm%side)
+        associate (bodies => mechanism%bodies, axes => mechanism%own(l)%r)
+            force = turned(bodies, acting%force, acting%turning, bodies%body(l)%turning)
+            moment = turned(bodies, acting%moment, acting%turning, bodies%body(l)%turning)
+            if (arm%side == 1) moment = moment + ((point_of_action(mechanism, arm%joint, 1) &
+                                                   - marker_point(mechanism, arm%joint, 1)) .cross.force)
+            whole = [components(axes.unrotate.force), components(axes.unrotate.moment)]
+        end associate
+        part = zero()
+        do i = 1, 6
+            part = part + arm%row(i, k)*whole(i)
+        end do
+    end function bent_by
+
+    !> Unknowns are made one after the other, but those of other systems between.
+    pure integer function place_of(system, number)
+        type(system_type), intent(in) :: system
+        integer, intent(in) :: number
+
+        place_of = findloc(system%number(:system%n_unknown), number, dim=1)
+    end function place_of
 
     !> The axes of a joint's first marker, in those of a turning.
     function axes_of(told, j, turning) result(axis)

@@ -30,7 +30,7 @@ module linkdyn_trace
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
     public :: trace_given_motion, trace_sharing, solve_equations, take_unknowns, are_among, in_motion_of
-    public :: alarm_of, reach_of
+    public :: alarm_of, reach_of, pushes_of
 
     type :: traced_type
         type(input_blocks) :: in
@@ -279,6 +279,21 @@ contains
             end associate
         end subroutine turn_rotor
     end subroutine trace_what_acts
+
+    !> What acts at joints beside their reactions: drives, springs, friction.
+    function pushes_of(traced) result(push)
+        type(traced_type), intent(in) :: traced
+        type(acting_type), allocatable :: push(:)
+        integer :: i
+
+        push = pack(traced%acting, traced%acting%joint > 0)
+        do i = 1, traced%mechanism%model%n_actuator
+            associate (actuator => traced%mechanism%model%scene%actuator(i))
+                push = [push, at_joint_variable(traced%mechanism, actuator%joint, actuator%variable, &
+                                                traced%unknowns%transmitted(i))]
+            end associate
+        end do
+    end function pushes_of
 
     !> Driving force of an actuator whose force is not unknown.
     function given_effort(traced, i) result(effort)

@@ -8,12 +8,12 @@ module linkdyn_acting
     use linkdyn_mechanism, only: mechanism_type, told_marker_frame, scene_rotation
     use linkdyn_place_variables, only: place_point, place_gap, relative_attitude, tilt_direction
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt
-    use linkdyn_value, only: value, operator(*), sqrt, reciprocal
-    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, operator(-), operator(*), operator(.dot.), &
+    use linkdyn_value, only: value, zero, operator(+), operator(*), sqrt, reciprocal
+    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(-), operator(*), operator(.dot.), &
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: acting_type, turned, at_joint_variable, at_place
+    public :: acting_type, turned, at_joint_variable, at_place, sums_at_joints
 
     !> A force and a moment. At a joint: on the second link at its marker's point, the opposite on the first.
     type :: acting_type
@@ -64,6 +64,31 @@ contains
             end if
         end associate
     end function at_joint_variable
+
+    !> What acts at joints, added up: on the second link at its marker, world axes; in a plane Fx Fy Mz.
+    function sums_at_joints(mechanism, acting) result(v)
+        type(mechanism_type), intent(in) :: mechanism
+        type(acting_type), intent(in) :: acting(:)     !! at joints
+        type(value), allocatable :: v(:)               !! joint after joint
+        type(value) :: all(6, mechanism%model%n_joint), part(6)
+        integer :: i, m
+
+        all = zero()
+        do i = 1, size(acting)
+            associate (a => acting(i), bodies => mechanism%bodies)
+                part(:3) = components(turned(bodies, a%force, a%turning, 0))
+                part(4:) = components(turned(bodies, a%moment, a%turning, 0))
+                do m = 1, 6
+                    all(m, a%joint) = all(m, a%joint) + part(m)
+                end do
+            end associate
+        end do
+        if (mechanism%model%is_planar) then
+            v = [all([1, 2, 6], :)]
+        else
+            v = [all]
+        end if
+    end function sums_at_joints
 
     !> A force or moment along a place that a measure tells, positive when it drives it up: its power is effort times the place's rate.
     function at_place(mechanism, spec, effort) result(acting)

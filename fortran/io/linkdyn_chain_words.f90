@@ -11,6 +11,7 @@ module linkdyn_chain_words
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, joint_spec, link_spec, marker_spec, joint_revolute, joint_cylindrical, joint_universal, &
         joint_spherical
+    use linkdyn_scene_elastic, only: read_elastic, mirror_arms
     use linkdyn_scene_joints, only: start_of_joint, stiffness_of_joint
     use linkdyn_scene_keys, only: scene_place, place_at, refuse_value, refuse_missing, counted, allow_keys, require_table, &
         direction_of, get_direction, get_vector
@@ -59,7 +60,8 @@ contains
         call read_axes(place, kind, scene%planar, drawn, status)
         if (.not. status%is_ok()) return
         do k = 1, n - 1
-            call read_link(place, leg, k, n - 1, scene%planar, drawn, scene%link(first_link + k - 1), to(:, k), status)
+            call read_link(place, leg, k, n - 1, scene%planar, scene%redundancy, drawn, scene%link(first_link + k - 1), to(:, k), &
+                           status)
         end do
         do k = 1, n
             associate (joint => scene%joint(first_joint + k - 1))
@@ -213,11 +215,12 @@ contains
     end subroutine read_cross
 
     !> The k-th link of a leg: its mass properties, and where its next joint is.
-    subroutine read_link(place, leg, k, n, planar, drawn, link, to, status)
+    subroutine read_link(place, leg, k, n, planar, redundancy, drawn, link, to, status)
         type(scene_place), intent(in) :: place
         type(leg_spec), intent(in) :: leg
         integer, intent(in) :: k, n                        !! which of how many
         logical, intent(in) :: planar
+        integer, intent(in) :: redundancy                  !! of the scene
         type(drawn_leg), intent(in) :: drawn
         type(link_spec), intent(inout) :: link
         real(wp), intent(inout) :: to(3)                   !! from its first joint, as drawn [m]
@@ -240,7 +243,7 @@ contains
         if (.not. status%is_ok()) return
         inner = place_at(place, list%at(k), "link "//quoted(link%name))
         call require_table(inner, "a table, { to = [..], mass = .. }", status)
-        call allow_keys(inner, [character(len=13) :: "to", "mass", "cog", "inertia", "inertia_check"], status)
+        call allow_keys(inner, [character(len=13) :: "to", "mass", "cog", "inertia", "inertia_check", "elastic"], status)
         call get_vector(inner, "to", length, to(:merge(2, 3, planar)), status, found)
         if (norm2(to) > 0) then
             call read_mass_properties(inner, planar, link, status, rod_length=norm2(to))
@@ -254,6 +257,8 @@ contains
         if (.not. node%is_present() .and. .not. planar) link%inertia = link%mass/12*[dot_product(to, to) - to**2, -to*cshift(to, 1)]
         link%cog = drawn%image*link%cog
         link%inertia = mirrored_tensor(link%inertia, drawn%image)
+        call read_elastic(inner, planar, redundancy, link, status)
+        if (allocated(link%arm)) call mirror_arms(drawn%image, link%arm)
     end subroutine read_link
 
     !> About where the joints are at the start, if the scene says so. What turns the other way in an image does so here.

@@ -7,6 +7,7 @@ module linkdyn_scene_links
     use linkdyn_scene, only: scene_type, link_spec, marker_spec
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: length, angle, mass, inertia
+    use linkdyn_scene_elastic, only: read_elastic, mirror_arms
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, &
         angles_of_matrix, matrix_of_angles
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, pattern_key, refuse, refuse_value, refuse_missing, allow_keys, &
@@ -52,14 +53,15 @@ contains
         call list_repeated(root, "link", scene%planar, .true., tables, status)
         do i = 1, size(tables%table)
             place = repeated_at(root, tables, i, "link")
-            call read_link(place, scene%planar, scene%link(i), status)
+            call read_link(place, scene%planar, scene%redundancy, scene%link(i), status)
             if (.not. status%is_ok()) return
         end do
     end subroutine read_links
 
-    subroutine read_link(place, planar, link, status)
+    subroutine read_link(place, planar, redundancy, link, status)
         type(scene_place), intent(inout) :: place
         logical, intent(in) :: planar
+        integer, intent(in) :: redundancy              !! of the scene
         type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
 
@@ -69,9 +71,10 @@ contains
         place%what = "link "//quoted(link%name)
         if (link%name == "frame") call refuse(place, "this name belongs to the fixed link (expected another name)", status)
         call allow_keys(place, [character(len=13) :: "name", "markers", "mass", "cog", "inertia", "inertia_check", &
-            "start", "mesh", "mesh_unit"], status)
+            "elastic", "start", "mesh", "mesh_unit"], status)
         call read_markers(place, planar, link, status)
         call read_mass_properties(place, planar, link, status)
+        call read_elastic(place, planar, redundancy, link, status)
         call read_start(place, planar, link, status)
         call read_mesh(place, link, status)
         if (place%copy > 0) call move_copy(place, planar, link, status)
@@ -100,6 +103,7 @@ contains
         end do
         link%cog = link%cog*image
         link%inertia = mirrored_tensor(link%inertia, image)
+        if (allocated(link%arm)) call mirror_arms(image, link%arm)
         if (any(image < 0) .and. allocated(link%mesh)) call refuse_value(place, "mesh", place%node%get("mesh"), &
             "cannot be mirrored (expected a link of its own for the image)", status)
         turn = pattern%turn(:, :, place%copy)

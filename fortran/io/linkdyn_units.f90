@@ -15,6 +15,7 @@ module linkdyn_units
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
+    public :: pressure, area, second_moment
     public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, inductance, current
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
@@ -68,6 +69,12 @@ module linkdyn_units
         quantity_type("a gain in volts per radian", "100 V/rad", "V/rad", [1, 2, -3, -1, -1], .true.)
     type(quantity_type), parameter :: volt_per_length = &
         quantity_type("a gain in volts per metre", "100 V/m", "V/m", [1, 1, -3, -1, 0])
+    type(quantity_type), parameter :: pressure = &
+        quantity_type("a modulus of elasticity", "210 GPa", "Pa", [1, -1, -2, 0, 0])
+    type(quantity_type), parameter :: area = &
+        quantity_type("an area", "4 cm^2", "m2", [0, 2, 0, 0, 0])
+    type(quantity_type), parameter :: second_moment = &
+        quantity_type("a second moment of area", "6 cm^4", "m4", [0, 4, 0, 0, 0])
     type(quantity_type), parameter :: wattage = &
         quantity_type("a power", "2 kW", "W", [1, 2, -3, 0, 0])
     type(quantity_type), parameter :: voltage = &

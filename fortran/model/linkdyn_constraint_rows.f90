@@ -20,6 +20,7 @@ module linkdyn_constraint_rows
     implicit none (type, external)
     private
     public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, list_rows, joint_frame, any_turned_over
+    public :: joint_point
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most

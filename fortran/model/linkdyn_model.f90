@@ -10,7 +10,7 @@ module linkdyn_model
     public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
         led_type, loose_type
     public :: motor_type, take_motors
-    public :: share_type
+    public :: share_type, arm_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
@@ -195,6 +195,15 @@ module linkdyn_model
         type(null_space_plan) :: stress       !! how the states of self-stress follow from the joints' constraint rows
     end type share_type
 
+    !> The elastic part of a link between where its mass acts and the marker of a joint. See `linkdyn_elastic_links`.
+    type :: arm_type
+        integer :: joint = 0
+        integer :: side = 0                   !! of the joint, that is the link
+        integer :: n = 0                      !! parts of the energy
+        real(wp) :: row(6, 6) = 0             !! of force and moment at the marker, link axes (6, part)
+        real(wp) :: weight(6) = 0             !! [m/N, rad/(N m)]
+    end type arm_type
+
     !> A mechanism ready to be computed.
     type :: model_type
         type(scene_type) :: scene
@@ -229,6 +238,7 @@ module linkdyn_model
         type(part_type), allocatable :: part(:)       !! (step)
         type(group_type), allocatable :: group(:)
         type(share_type) :: share
+        type(arm_type), allocatable :: arm(:) !! of links that give way
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
         integer, allocatable :: joint_at(:)

@@ -24,6 +24,7 @@ module linkdyn_release
         of_force, of_moment
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: find_redundant_gears
+    use linkdyn_elastic_links, only: list_arm_parts
     use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type
@@ -122,13 +123,18 @@ contains
         type(model_type), intent(in) :: model
         type(stressed_pose), intent(in) :: pose
         type(status_type), intent(inout) :: status
-        real(wp), allocatable :: soft(:, :), left(:, :)
+        real(wp), allocatable :: soft(:, :), left(:, :), part(:, :), bent(:, :), weight(:)
         real(wp) :: compliance(pose%rows%n)
+        integer, allocatable :: arm(:), of_arm(:)
         character(len=:), allocatable :: names
         integer :: i
 
         compliance = compliances(model, pose%loop, pose%rows)
-        soft = pose%whole*spread(sqrt(compliance/max(maxval(compliance), tiny(1.0_wp))), 2, size(pose%whole, 2))
+        soft = pose%whole*spread(sqrt(compliance), 2, size(pose%whole, 2))
+        call list_arm_parts(model, pose%loop, pose%rows, part, weight, arm, of_arm)
+        bent = spread(sqrt(weight), 2, size(soft, 2))*matmul(part, pose%whole)
+        soft = transpose(reshape([transpose(soft), transpose(bent)], [size(soft, 2), size(soft, 1) + size(bent, 1)]))
+        soft = soft/max(maxval(abs(soft)), tiny(1.0_wp))
         call find_null_space(soft, sqrt(epsilon(1.0_wp)), left)
         if (size(left, 2) == 0) return
         names = ""
@@ -139,7 +145,8 @@ contains
         call fail(status, status_bad_input, "redundancy = 'stiffness': "//to_text(size(left, 2)) &
                   //trim(merge(" way ", " ways", size(left, 2) == 1))//" to share the reactions of joints " &
                   //names//trim(merge(" bends", " bend ", size(left, 2) == 1)) &
-                  //" no joint that has a 'stiffness' (expected it of more of them, or 'minimum-norm')")
+                  //" no joint that has a 'stiffness', and no link that is 'elastic' (expected it of more of them, or " &
+                  //"'minimum-norm')")
     end subroutine check_stiffness
 
     !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those

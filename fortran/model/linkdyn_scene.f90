@@ -13,7 +13,7 @@ module linkdyn_scene
     use linkdyn_sweep_spec, only: sweep_spec
     implicit none (type, external)
     private
-    public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
+    public :: scene_type, link_spec, arm_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
     public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch, pulls_in_line
     public :: base_spec, payload_spec, payload_changes, wants_instants
@@ -125,6 +125,17 @@ module linkdyn_scene
         integer :: line = 0                       !! in the scene file
     end type marker_spec
 
+    !> How a link gives way between the place where its mass, loads and springs act and its markers.
+    type :: arm_spec
+        integer :: marker = 0                     !! of the link's list; 0: each that a joint has
+        logical :: from_cog = .true.
+        real(wp) :: from(3) = 0                   !! else that place, link axes [m]
+        real(wp) :: beam(5) = 0                   !! EA [N], G times the area in shear [N], GJ, EIy, EIz [N m2]; 0: rigid
+        real(wp) :: y(3) = 0                      !! the section's y, link axes; zero: all directions across the beam are alike
+        real(wp) :: compliance(6, 6) = 0          !! instead: way and turn of the marker by force and moment on it [m, rad; N, N m]
+        logical :: is_beam = .true.
+    end type arm_spec
+
     !> A rigid body. Link 0 is the frame; its mass properties are ignored.
     type :: link_spec
         character(len=name_len) :: name = ""
@@ -136,6 +147,7 @@ module linkdyn_scene
         type(marker_spec), allocatable :: marker(:)
         character(len=:), allocatable :: mesh     !! file of the body's form, for pictures
         real(wp) :: mesh_unit = 1                 !! of its coordinates [m]
+        type(arm_spec), allocatable :: arm(:)     !! absent: rigid
         integer :: line = 0
     end type link_spec
 

@@ -9,7 +9,7 @@ module linkdyn_force_program
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
-        alarm_of, reach_of
+        alarm_of, reach_of, pushes_of
     use linkdyn_virtual_work, only: trace_work
     implicit none (type, external)
     private
@@ -73,7 +73,7 @@ contains
         end associate
         if (.not. shares) return
         allocate (traced%shared(6, traced%mechanism%model%n_joint))
-        call share_reactions(traced%mechanism, traced%unknowns, traced%system, traced%shared)
+        call share_reactions(traced%mechanism, traced%unknowns, pushes_of(traced), traced%system, traced%shared)
     end subroutine trace_redundancy
 
     !> What is wanted of a traced scene, and what says whether it counts.

@@ -1,5 +1,6 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
+    use linkdyn_acting, only: sums_at_joints
     use linkdyn_belts, only: strand_forces
     use linkdyn_cam_quantities, only: contact_forces, pressure_angles
     use linkdyn_force_system, only: reaction_of
@@ -10,7 +11,7 @@ module linkdyn_catalogue
         potential_energy, largest_gap, scene_position, scene_rotation, scene_velocity, scene_angular_velocity
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
-    use linkdyn_trace, only: traced_type
+    use linkdyn_trace, only: traced_type, pushes_of
     use linkdyn_value, only: value, operator(+)
     implicit none (type, external)
     private
@@ -23,6 +24,7 @@ module linkdyn_catalogue
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation, result_margin, result_margin_rate
+    public :: result_joint_push
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
     public :: result_contact_force, result_pressure_angle, result_strand_force
@@ -69,6 +71,7 @@ module linkdyn_catalogue
     integer, parameter :: result_velocity = 35              ! of links' origins
     integer, parameter :: result_angular_velocity = 36
     integer, parameter :: result_driving_position = 37      ! driven joint variables; coordinates count turns
+    integer, parameter :: result_joint_push = 58            ! what acts at joints beside reactions
     ! ---- of scenes with friction
     integer, parameter :: result_friction = 38
     integer, parameter :: result_friction_power = 39
@@ -103,7 +106,8 @@ contains
         integer, intent(in) :: id                       !! one of `result_*`
 
         needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance, &
-                                     result_friction, result_friction_power, result_transmission_force, result_contact_force])
+                                     result_friction, result_friction_power, result_transmission_force, result_contact_force, &
+                                     result_joint_push])
     end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
@@ -134,6 +138,8 @@ contains
                         v = [v, r]
                     end if
                 end do
+            case (result_joint_push)
+                v = solved(traced%system, sums_at_joints(mechanism, pushes_of(traced)))
             case (result_driving_position)
                 do i = 1, model%n_actuator
                     v = [v, one_variable(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable)]

@@ -1,12 +1,12 @@
 !> Friction of each joint, and the power that it takes.
 module linkdyn_friction_quantities
-    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_acting, only: acting_type, sums_at_joints
     use linkdyn_friction, only: friction_wrench, holding_wrench
     use linkdyn_inputs, only: in_friction, in_clutch
     use linkdyn_scene, only: n_clutch
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value, zero, operator(+), operator(-)
-    use linkdyn_vector, only: components, operator(.dot.)
+    use linkdyn_value, only: value, zero, operator(-)
+    use linkdyn_vector, only: operator(.dot.)
     implicit none (type, external)
     private
     public :: friction_wrenches, friction_powers
@@ -17,42 +17,22 @@ contains
     function friction_wrenches(traced) result(v)
         type(traced_type), intent(in) :: traced
         type(value), allocatable :: v(:)
-        type(value) :: all(6, traced%mechanism%model%n_joint)
+        type(acting_type), allocatable :: rubs(:)
         integer :: i
 
-        all = zero()
+        allocate (rubs(0))
         associate (model => traced%mechanism%model)
             do i = 1, size(model%contact)
-                call add(wrench(traced, i))
+                rubs = [rubs, wrench(traced, i)]
             end do
             do i = 1, n_clutch(model%scene)
                 associate (clutch => model%scene%clutch(i))
                     if (clutch%friction > 0) &
-                        call add(holding_wrench(traced%mechanism, clutch%joint(1), traced%in%of(in_clutch)%v(i)))
+                        rubs = [rubs, holding_wrench(traced%mechanism, clutch%joint(1), traced%in%of(in_clutch)%v(i))]
                 end associate
             end do
-            if (model%is_planar) then
-                v = [all([1, 2, 6], :)]
-            else
-                v = [all]
-            end if
         end associate
-
-    contains
-
-        subroutine add(acting)
-            type(acting_type), intent(in) :: acting
-            type(value) :: part(6)
-            integer :: m
-
-            associate (bodies => traced%mechanism%bodies)
-                part(:3) = components(turned(bodies, acting%force, acting%turning, 0))
-                part(4:) = components(turned(bodies, acting%moment, acting%turning, 0))
-            end associate
-            do m = 1, 6
-                all(m, acting%joint) = all(m, acting%joint) + part(m)
-            end do
-        end subroutine add
+        v = sums_at_joints(traced%mechanism, rubs)
     end function friction_wrenches
 
     function friction_powers(traced) result(v)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ._arguments import as_known, as_path
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
+from ._words import Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:
@@ -232,7 +232,8 @@ class Builder:
     # ------------------------------------------------------------------------------------------------------------- bodies
     def link(
         self, name: str, *, mass: Quantity, markers: Mapping[str, Vector | Marker] | None = None, cog: Vector | None = None,
-        inertia: Quantity | Vector | Mapping[str, Vector] | None = None, inertia_check: bool | None = None, start: Mapping[str, Any] | None = None,
+        inertia: Quantity | Vector | Mapping[str, Vector] | None = None, inertia_check: bool | None = None,
+        elastic: Elastic | Sequence[Elastic] | None = None, start: Mapping[str, Any] | None = None,
         mesh: str | os.PathLike[str] | None = None, mesh_unit: Literal["m", "cm", "mm", "in"] | None = None, repeat: int | None = None,
         about: str | Vector | None = None, angles: Sequence[Quantity] | None = None, mirror: Literal["xy", "xz", "yz"] | None = None,
     ) -> Link:  # fmt: skip
@@ -253,6 +254,8 @@ class Builder:
             of the tensor, or ``{"diagonal": (Ixx, Iyy, Izz)}``.
         inertia_check
             False admits an inertia that no body has.
+        elastic
+            Of scenes with ``redundancy="stiffness"``: how it bends, twists and stretches between its mass and its joints.
         start
             About where it is at the start: ``{"position": (..), "angles": (..)}`` [m, rad], in a plane ``"angle"``.
         mesh, mesh_unit

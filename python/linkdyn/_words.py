@@ -84,6 +84,13 @@ class Drive(TypedDict, total=False):
     creep_speed: Quantity
 
 
+Elastic = TypedDict("Elastic", {
+    "from": "str | Vector", "to": "str | Sequence[str]", "E": Quantity, "G": Quantity, "area": Quantity, "shear_area": Quantity, "I": Quantity,
+    "Iy": Quantity, "Iz": Quantity, "y": Vector, "J": Quantity, "compliance": "Sequence[Sequence[float]]",
+}, total=False)  # fmt: skip
+"""How a link gives way: a beam from where its mass acts to its joints, by modulus and section, or a matrix [m, rad; N, N m]."""
+
+
 class LegLink(TypedDict, total=False):
     """A link of a chain; ``length`` is that of cranks and rods."""
 
@@ -102,6 +109,7 @@ class WordLink(TypedDict, total=False):
     cog: Vector
     inertia: Quantity | Vector | Mapping[str, Vector]
     inertia_check: bool
+    elastic: Elastic | Sequence[Elastic]
 
 
 def table_of(keys: Mapping[str, Any]) -> Table:
