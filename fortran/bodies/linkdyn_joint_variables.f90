@@ -10,7 +10,7 @@ module linkdyn_joint_variables
     implicit none (type, external)
     private
     public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable, &
-        variable_acceleration
+        variable_acceleration, move_pair
     public :: within_half_a_turn
 
 contains
@@ -68,18 +68,28 @@ contains
         integer :: k, c
 
         pair = told_pair_of(mechanism, j)
-        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
-            omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
-            gap_rate = point_velocity(bodies, link(2), marker_point(mechanism, j, 2)) &
-                       - point_velocity(bodies, link(1), marker_point(mechanism, j, 1)) &
-                       - (omega_of(bodies, link(1), world_axes) .cross.pair%gap)
-        end associate
+        call move_pair(mechanism, j, pair, omega, gap_rate)
         qd = mechanism%told_kind(j)%is%rates(pair, omega, gap_rate)
         do k = 1, size(qd)
             c = coordinate_of_variable(mechanism, j, k)
             if (c > 0) qd(k) = mechanism%qd(c)
         end do
     end function joint_rates
+
+    !> How the second link moves as the first one sees it, at the second's marker; world axes.
+    subroutine move_pair(mechanism, j, pair, omega, gap_rate)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(marker_pair), intent(in) :: pair
+        type(vector), intent(out) :: omega, gap_rate       !! [rad/s], [m/s]
+
+        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
+            omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+            gap_rate = point_velocity(bodies, link(2), marker_point(mechanism, j, 2)) &
+                       - point_velocity(bodies, link(1), marker_point(mechanism, j, 1)) &
+                       - (omega_of(bodies, link(1), world_axes) .cross.pair%gap)
+        end associate
+    end subroutine move_pair
 
     !> One variable; an angle that is no coordinate, or one that stands in for another variable, is the one nearest to `target` of
     !> those that differ by full turns. Of an angle that a coordinate stands in for the turns are known.

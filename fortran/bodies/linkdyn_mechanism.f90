@@ -155,7 +155,8 @@ contains
             do j = 1, size(joint)
                 call make_joint_kind(joint(j)%kind, mechanism%kind(j))
                 call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
-                if (joint(j)%kind == joint_cam) call take_cam(mechanism%model%scene%joint(j)%cam, mechanism%kind(j))
+                if (joint(j)%kind == joint_cam) &
+                    call take_cam(mechanism%model%scene%joint(j)%cam, mechanism%model%is_planar, mechanism%kind(j))
                 if (.not. mechanism%kind(j)%is%is_threaded) cycle
                 mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
                 mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch
@@ -164,8 +165,9 @@ contains
     end subroutine make_kinds
 
     !> A cam with its curve, across its axis or about it.
-    subroutine take_cam(spec, box)
+    subroutine take_cam(spec, is_planar, box)
         type(cam_spec), intent(in) :: spec
+        logical, intent(in) :: is_planar
         type(joint_kind_box), intent(inout) :: box
 
         if (spec%is_barrel) then
@@ -175,7 +177,7 @@ contains
         end if
         select type (kind => box%is)
         class is (cam)
-            call kind%take(spec)
+            call kind%take(spec, is_planar)
         end select
     end subroutine take_cam
 

@@ -43,10 +43,25 @@ contains
             end do
             contact%point = marker_place(model, state, j, 1) + in_space(model, state, j, point)
             contact%normal = in_space(model, state, j, normal)
-            if (cam%follower == follower_flat) contact%normal = -1.0_wp*marker_axis(model, state, j, 2, 3)
+            if (cam%follower == follower_flat) call see_along_axis(model, state, j, contact)
             contact%gap = contact%normal.dot.(marker_place(model, state, j, 2) - contact%point)
         end associate
     end function contact_of
+
+    !> A face, seen along the cam's axis: the line that it is there, where its marker is.
+    subroutine see_along_axis(model, state, j, contact)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j                         !! joint
+        type(cam_contact), intent(inout) :: contact
+        type(vec3) :: axis, normal
+
+        axis = marker_axis(model, state, j, 1, 3)
+        normal = -1.0_wp*marker_axis(model, state, j, 2, 3)
+        normal = normal - (axis.dot.normal)*axis
+        contact%normal = (1/sqrt(normal.dot.normal))*normal
+        contact%point = contact%point + (axis.dot.(marker_place(model, state, j, 2) - contact%point))*axis
+    end subroutine see_along_axis
 
     !> The direction in which a cam is touched, about its axis [rad].
     function angle_on_cam(model, state, j) result(angle)

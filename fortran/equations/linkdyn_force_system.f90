@@ -137,8 +137,7 @@ contains
                 select type (kind => mechanism%kind(j)%is)
                 class is (cam)
                     acting%force = size*turned(mechanism%bodies, kind%normal(pair_of(mechanism, j)), 0, acting%turning)
-                    acting%moment = size*turned(mechanism%bodies, kind%arm(pair_of(mechanism, j))*unit_vector(3), 0, &
-                                                acting%turning)
+                    acting%moment = size*turned(mechanism%bodies, kind%moment(pair_of(mechanism, j)), 0, acting%turning)
                 end select
             end associate
             unknowns%reaction(j) = acting

@@ -4,10 +4,12 @@ module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_bodies, only: world_axes, omega_of
     use linkdyn_contact, only: contact_type, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
-        form_thread, form_plate
-    use linkdyn_joint_variables, only: joint_rates
+        form_thread, form_plate, form_cam
+    use linkdyn_cam, only: cam
+    use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_joint_variables, only: joint_rates, move_pair
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, marker_frame, pair_of
     use linkdyn_value, only: value, constant, zero, is_zero, abs, sqrt, square, max, select, operator(+), &
         operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -22,6 +24,7 @@ module linkdyn_friction
         type(vector) :: axis                   !! unit vector
         type(vector) :: slide                  !! relative velocity of the surfaces along what is free [m/s]
         type(vector) :: turn                   !! and relative angular velocity [rad/s]
+        type(vector) :: arm                    !! from the second link's marker to where the force acts [m]
         type(value) :: square                  !! of the speed of the surfaces [m2/s2]
     end type contact_motion
 
@@ -52,7 +55,10 @@ contains
             associate (link => mechanism%model%joint(contact%joint)%link)
                 motion%slide = zero_vector()
                 motion%turn = zero_vector()
-                if (contact%form == form_ball) then
+                motion%arm = zero_vector()
+                if (contact%form == form_cam) then
+                    call pass_cam(mechanism, contact%joint, motion)
+                else if (contact%form == form_ball) then
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
                 else
@@ -77,9 +83,30 @@ contains
                     end select
                 end if
             end associate
-            motion%square = (motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
+            motion%square = contact%pass**2*(motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
         end associate
     end subroutine move_contact
+
+    !> How a follower passes its cam where both touch: the velocity of the one against the other, of a roller that with which it rolls.
+    subroutine pass_cam(mechanism, j, motion)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j                       !! joint
+        type(contact_motion), intent(inout) :: motion
+        type(marker_pair) :: pair
+        type(vector) :: omega, gap_rate, way
+
+        pair = pair_of(mechanism, j)
+        motion%axis = zero_vector()
+        call move_pair(mechanism, j, pair, omega, gap_rate)
+        select type (kind => mechanism%kind(j)%is)
+        class is (cam)
+            motion%arm = kind%off_marker(pair)
+            motion%slide = gap_rate + (omega.cross.motion%arm)
+            if (.not. kind%rolls) return
+            way = kind%roller_way(pair)
+            motion%slide = (way.dot.motion%slide)*way
+        end select
+    end subroutine pass_cam
 
     !> The rate of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
     !> rounding it is taken to slide at a speed that is none.
@@ -108,8 +135,8 @@ contains
         associate (contact => mechanism%model%contact(i))
             acting%joint = contact%joint
             acting%turning = motion%turning
-            acting%force = -((amount + contact%slide_damping)*motion%slide)
-            acting%moment = -((contact%radius**2*amount + contact%turn_damping)*motion%turn)
+            acting%force = -((contact%pass**2*(amount + contact%slide_damping))*motion%slide)
+            acting%moment = (motion%arm.cross.acting%force) - (contact%radius**2*amount + contact%turn_damping)*motion%turn
         end associate
     end function friction_wrench
 
@@ -145,7 +172,7 @@ contains
 
         press = zero()
         associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
-            if (contact%form == form_ball) then
+            if (contact%form == form_ball .or. contact%form == form_cam) then
                 press(1:3) = components(reaction%force)
                 return
             end if

@@ -38,7 +38,7 @@ contains
         integer :: k
 
         if (joint%kind == joint_cam) then
-            call read_follower(place, planar, joint%cam, status)
+            call read_follower(place, joint%cam, status)
             call read_curve(place, planar, shelf, joint%cam, status)
             call check_shape(place, joint%cam, status)
             return
@@ -51,9 +51,8 @@ contains
         end do
     end subroutine read_cam
 
-    subroutine read_follower(place, planar, cam, status)
+    subroutine read_follower(place, cam, status)
         type(scene_place), intent(in) :: place
-        logical, intent(in) :: planar
         type(cam_spec), intent(inout) :: cam
         type(status_type), intent(inout) :: status
         integer :: side
@@ -74,9 +73,6 @@ contains
         else if (has_radius .and. .not. cam%radius > 0) then
             call refuse_value(place, "radius", place%node%get("radius"), "= "//to_text(cam%radius) &
                               //" m (expected more than zero)", status)
-        else if (cam%follower == follower_flat .and. .not. planar) then
-            call refuse_value(place, "follower", place%node%get("follower"), "= ""flat"" exists in a plane only "// &
-                "(expected ""roller"" or ""point"")", status)
         else if (cam%follower == follower_flat .and. side /= 1) then
             call refuse_value(place, "side", place%node%get("side"), "has no meaning here: a flat face lies outside", status)
         end if
@@ -122,7 +118,9 @@ contains
         call get_quantity(inner, "base", length, base, status, found)
         if (.not. status%is_ok()) return
         cam%is_barrel = form == of_height
-        if (cam%is_barrel .and. planar) then
+        if (cam%is_barrel .and. cam%follower == follower_flat) then
+            call refuse(inner, "goes over heights, on which a flat face does not lie (expected radii, or x and y)", status)
+        else if (cam%is_barrel .and. planar) then
             call refuse(inner, "goes over heights, round a drum in space (expected radii, or x and y)", status)
         else if (cam%is_barrel .and. has_of) then
             call refuse_value(inner, "of", node%get("of"), "has no meaning here: heights are those of the roller's centre", status)

@@ -4,7 +4,7 @@ module linkdyn_scene_friction
     use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
-        joint_kind_name
+        joint_kind_name, follower_roller
     use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_flag
     use linkdyn_scene_clutches, only: add_sticking
     use linkdyn_scene_laws, only: require_positive, table_shelf
@@ -58,7 +58,7 @@ contains
         if (.not. status%is_ok()) return
         associate (joint => scene%joint(friction%joint))
             place%what = "friction at joint "//quoted(joint%name)
-            if (any(joint%kind == [joint_fixed, joint_cam]) .or. is_geared(joint%kind)) call refuse_value(place, "joint", &
+            if (joint%kind == joint_fixed .or. is_geared(joint%kind)) call refuse_value(place, "joint", &
                 place%node%get("joint"), "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs " &
                 //"(expected one that turns or slides)", &
                 status)
@@ -79,6 +79,11 @@ contains
                 call refuse(place, "missing key 'coulomb' or 'viscous' (expected at least one)", status)
             else if (has_preload .and. .not. has_coulomb) then
                 call refuse_missing(place, "coulomb", "the coefficient with which the preload rubs", status)
+            else if (joint%kind == joint_cam .and. joint%cam%follower == follower_roller .and. .not. friction%radius > 0) then
+                call refuse_missing(place, "radius", "of the pin about which the roller turns, for example '4 mm'", status)
+            else if (joint%kind == joint_cam .and. joint%cam%follower /= follower_roller .and. friction%radius > 0) then
+                call refuse_value(place, "radius", place%node%get("radius"), &
+                    "has no meaning here: the follower is no roller", status)
             else if (has_coulomb .and. needs_radius(joint%kind) .and. .not. friction%radius > 0) then
                 call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
             else if (friction%sticks .and. .not. has_coulomb) then
@@ -98,7 +103,7 @@ contains
         type(status_type), intent(inout) :: status
 
         if (.not. any(kind == [joint_revolute, joint_universal]) .or. planar) call refuse_key("collar", "no pin with a collar")
-        if (kind == joint_spherical .or. kind == joint_planar) call refuse_key("length", "no two ends that take a moment")
+        if (any(kind == [joint_spherical, joint_planar, joint_cam])) call refuse_key("length", "no two ends that take a moment")
         if (kind == joint_revolute .and. planar) call refuse_key("length", "no tilting moment in a plane")
         if (kind == joint_prismatic .and. planar) call refuse_key("radius", "no moment about its axis in a plane")
 
@@ -119,7 +124,7 @@ contains
     pure elemental logical function needs_radius(kind)
         integer, intent(in) :: kind
 
-        needs_radius = kind /= joint_prismatic .and. kind /= joint_planar
+        needs_radius = all(kind /= [joint_prismatic, joint_planar, joint_cam])
     end function needs_radius
 
     !> The coefficients, over the speed of the surfaces.

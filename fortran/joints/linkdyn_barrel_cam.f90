@@ -4,14 +4,14 @@
 !> To second order such a cam is the parabola over the angle that fits it best where the follower is. So direction, height and two
 !> derivatives there count as fixed in the cam (`linkdyn_cam`), and the sine of the angle from there stands for the angle.
 module linkdyn_barrel_cam
-    use linkdyn_cam, only: cam, pieces_of
+    use linkdyn_cam, only: cam, pieces_of, take_follower
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_kinds, only: wp
     use linkdyn_piecewise, only: piecewise_curve
     use linkdyn_record, only: add_curve
     use linkdyn_scene, only: cam_spec
-    use linkdyn_value, only: value, zero, nearest_place, piece_at, sqrt, square, reciprocal, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, operator(+), operator(-), operator(*), operator(.dot.)
+    use linkdyn_value, only: value, nearest_place, piece_at, sqrt, square, reciprocal, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
     public :: barrel_cam
@@ -34,18 +34,19 @@ module linkdyn_barrel_cam
         procedure :: standing
         procedure :: normal
         procedure :: point
-        procedure :: arm
+        procedure :: roller_way
     end type barrel_cam
 
 contains
 
     !> What the scene says of it.
-    subroutine take(self, spec)
+    subroutine take(self, spec, is_planar)
         class(barrel_cam), intent(inout) :: self
         type(cam_spec), intent(in) :: spec
+        logical, intent(in) :: is_planar
         type(piecewise_curve) :: pieces
 
-        self%slides = .true.
+        call take_follower(self, spec)
         self%ground = spec%ground
         pieces = pieces_of(spec%curve)
         self%heights = add_curve(pieces)
@@ -119,12 +120,14 @@ contains
         p = pair%gap
     end function point
 
-    !> Nothing is pressed beside its marker.
-    function arm(self, pair) result(length)
+    !> Along which a roller rolls whose axis goes through that of the drum, world axes.
+    function roller_way(self, pair) result(way)
         class(barrel_cam), intent(in) :: self
         type(marker_pair), intent(in) :: pair
-        type(value) :: length
+        type(vector) :: way
+        type(drum_touch) :: touch
 
-        length = zero()
-    end function arm
+        touch = touch_of(self, pair)
+        way = (touch%towards(1)*pair%first%x + touch%towards(2)*pair%first%y) .cross.self%normal(pair)
+    end function roller_way
 end module linkdyn_barrel_cam

@@ -1,4 +1,5 @@
-!> The cam: a point, the centre of a roller or a straight face of the second link on a curve of the first, in a plane.
+!> The cam: a point, the centre of a roller or a straight face of the second link on a curve of the first, across an axis. In space
+!> all is looked at along that axis, on which the follower may stand anywhere; a face that leans against it is the line that is seen.
 !>
 !> To second order a cam is the circle that fits its curve best where it is touched. So place, normal and curvature there, which
 !> `touch` finds, count as fixed in the cam, and velocities and accelerations are exact all the same.
@@ -10,13 +11,13 @@ module linkdyn_cam
     use linkdyn_partial_joints, only: loose
     use linkdyn_piecewise, only: piecewise_curve
     use linkdyn_record, only: add_curve
-    use linkdyn_scene, only: cam_spec, follower_flat
-    use linkdyn_value, only: value, zero, constant, nearest_place, farthest_place, sqrt, square, reciprocal, operator(+), &
+    use linkdyn_scene, only: cam_spec, follower_flat, follower_roller
+    use linkdyn_value, only: value, one, constant, nearest_place, farthest_place, sqrt, square, reciprocal, operator(+), &
         operator(-), operator(*)
-    use linkdyn_vector, only: vector, operator(+), operator(-), operator(*), operator(.dot.)
+    use linkdyn_vector, only: vector, zero_vector, operator(+), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: cam, cam_touch, pieces_of
+    public :: cam, cam_touch, pieces_of, take_follower
 
     !> Where curve and follower touch, in the axes of the first marker.
     type :: cam_touch
@@ -24,12 +25,16 @@ module linkdyn_cam
         type(value) :: normal(2)                   !! outwards
         type(value) :: round                       !! curvature of that path [1/m]; of a face the curve's radius [m]
         type(value) :: seen(2)                     !! the second marker's point [m]
+        type(value) :: stretch                     !! of a face that leans: one over what is seen of its normal
     end type cam_touch
 
     type, extends(loose) :: cam
         integer, private :: curve = 0              !! number among the record's
         logical, private :: is_face = .false.
+        logical, private :: is_planar = .false.
         real(wp), private :: off = 0               !! of the roller's centre from the curve, outwards [m]
+        real(wp) :: reach = 0                      !! from a roller's centre back to where it touches; in a groove nobody knows on which side [m]
+        logical :: rolls = .false.
     contains
         procedure :: take
         procedure :: constraints
@@ -37,22 +42,36 @@ module linkdyn_cam
         procedure :: touch
         procedure :: normal
         procedure :: point
-        procedure :: arm
+        procedure :: moment
+        procedure :: off_marker
+        procedure :: roller_way
     end type cam
 
 contains
 
     !> What the scene says of it; the curve becomes one of the open record's.
-    subroutine take(self, spec)
+    subroutine take(self, spec, is_planar)
         class(cam), intent(inout) :: self
         type(cam_spec), intent(in) :: spec
+        logical, intent(in) :: is_planar
 
-        self%slides = .true.                       ! its force acts at the second marker, wherever that is
+        call take_follower(self, spec)
+        self%is_planar = is_planar
         self%is_face = spec%follower == follower_flat
         self%off = spec%side*spec%radius
         if (spec%is_path) self%off = 0
         self%curve = add_curve(pieces_of(spec%curve))
     end subroutine take
+
+    !> What cams of all kinds have.
+    subroutine take_follower(self, spec)
+        class(cam), intent(inout) :: self
+        type(cam_spec), intent(in) :: spec
+
+        self%slides = .true.                       ! its force acts at the second marker, wherever that is
+        self%rolls = spec%follower == follower_roller
+        if (.not. spec%is_groove) self%reach = spec%side*spec%radius
+    end subroutine take_follower
 
     !> A spline as polynomials of the part of the way between two knots.
     pure function pieces_of(curve) result(pieces)
@@ -84,14 +103,12 @@ contains
         type(marker_pair), intent(in) :: pair
         type(value), allocatable :: c(:)
         type(cam_touch) :: touch
-        type(vector) :: centre
         type(value) :: off(2)
 
         touch = self%touch(pair)
         if (self%is_face) then
-            centre = (touch%at(1) - touch%round*touch%normal(1))*pair%first%x &
-                     + (touch%at(2) - touch%round*touch%normal(2))*pair%first%y
-            c = [((centre - pair%gap) .dot.pair%second%z) - touch%round]
+            off = touch%seen - (touch%at - touch%round*touch%normal)    ! from the circle's centre
+            c = [touch%normal(1)*off(1) + touch%normal(2)*off(2) - touch%round]
             return
         end if
         off = touch%seen - touch%at
@@ -122,6 +139,9 @@ contains
         found%seen = [pair%gap .dot.pair%first%x, pair%gap .dot.pair%first%y]
         if (self%is_face) then
             found%normal = [-(pair%second%z .dot.pair%first%x), -(pair%second%z .dot.pair%first%y)]
+            found%stretch = one()
+            if (.not. self%is_planar) found%stretch = reciprocal(sqrt(square(found%normal(1)) + square(found%normal(2))))
+            found%normal = found%stretch*found%normal
             foot = curve_point_values(self%curve, farthest_place(self%curve, found%normal(1), found%normal(2)))
         else
             foot = curve_point_values(self%curve, nearest_place(self%curve, found%seen(1), found%seen(2)))
@@ -162,16 +182,43 @@ contains
         p = touch%at(1)*pair%first%x + touch%at(2)*pair%first%y
     end function point
 
-    !> Moment about the second marker of a unit force there: a face is pressed beside it [m].
-    function arm(self, pair) result(length)
+    !> About the second marker of a unit force there: a face is pressed beside it [m].
+    function moment(self, pair) result(m)
         class(cam), intent(in) :: self
         type(marker_pair), intent(in) :: pair
-        type(value) :: length
+        type(vector) :: m
         type(cam_touch) :: touch
+        type(value) :: arm
 
-        length = zero()
+        m = zero_vector()
         if (.not. self%is_face) return
         touch = self%touch(pair)
-        length = (touch%at(1) - touch%seen(1))*touch%normal(2) - (touch%at(2) - touch%seen(2))*touch%normal(1)
-    end function arm
+        arm = (touch%at(1) - touch%seen(1))*touch%normal(2) - (touch%at(2) - touch%seen(2))*touch%normal(1)
+        m = arm*pair%first%z
+        if (.not. self%is_planar) m = m + ((arm*touch%stretch)*(pair%first%z.dot.pair%second%z))*self%normal(pair)
+    end function moment
+
+    !> From the second marker to where surfaces rub, world axes [m].
+    function off_marker(self, pair) result(off)
+        class(cam), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(vector) :: off
+        type(cam_touch) :: touch
+
+        if (self%is_face) then
+            touch = self%touch(pair)
+            off = (touch%at(1) - touch%seen(1))*pair%first%x + (touch%at(2) - touch%seen(2))*pair%first%y
+        else
+            off = constant(-self%reach)*self%normal(pair)
+        end if
+    end function off_marker
+
+    !> Along which a roller rolls, world axes.
+    function roller_way(self, pair) result(way)
+        class(cam), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(vector) :: way
+
+        way = pair%first%z.cross.self%normal(pair)
+    end function roller_way
 end module linkdyn_cam

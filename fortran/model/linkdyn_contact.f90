@@ -7,18 +7,19 @@
 !>
 !>     force  -c N v,    moment  -c N r^2 w,    c = mu(V) tanh(V/creep)/V
 !>
-!> which takes the power c N V^2. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
+!> which takes the power c N V^2. A cam's roller turns about a pin of the radius r, that slides at r/R of the speed with which the
+!> roller passes the cam: its friction is felt where both touch, as r/R of the force there. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
 module linkdyn_contact
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_planar, joint_screw
+        joint_planar, joint_screw, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
     private
     public :: contact_type, list_contacts, is_turning, friction_of_speed, sliding_coefficient, lever_of, n_press, pressing, &
         pressing_slope, has_settled, most_rounds
-    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive
+    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
     integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
@@ -28,6 +29,8 @@ module linkdyn_contact
     integer, parameter :: form_thread = 6
     integer, parameter :: form_plate = 7     !! on which a planar joint slides and turns
     integer, parameter :: form_drive = 8     !! a gear or screw between motor and joint, on lanes only (`linkdyn_transmission_losses`)
+
+    integer, parameter :: form_cam = 9       !! where a cam is touched; of a roller the pin about which it turns
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
@@ -46,6 +49,7 @@ module linkdyn_contact
         real(wp) :: preload = 0               !! [N]
         real(wp) :: pitch = 0                 !! of a thread [m/rad]
         real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis
+        real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it
         real(wp) :: slide_damping = 0         !! [N s/m]
         real(wp) :: turn_damping = 0          !! [N m s]
     end type contact_type
@@ -109,6 +113,12 @@ contains
                 contact = [one]
             case (joint_planar)
                 one%form = form_plate
+                contact = [one]
+            case (joint_cam)
+                one%form = form_cam
+                if (friction%radius > 0) one%pass = friction%radius/scene%joint(friction%joint)%cam%radius
+                one%radius = 0
+                one%turn_damping = 0
                 contact = [one]
             case default
                 allocate (contact(0))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from ._postures import Posture, Postures
 
-__all__ = ["Contact", "Curve", "contact_of", "is_cam", "outlines_in_link", "roller", "roller_axis", "room_for_cams", "silhouettes"]
+__all__ = ["Contact", "Curve", "contact_of", "face", "face_radius", "is_cam", "outlines_in_link", "roller", "roller_axis", "room_for_cams", "silhouettes"]
 
 Points = NDArray[np.float64]
 
@@ -192,6 +192,17 @@ def roller_axis(posture: Posture | Postures, joint: dict[str, Any]) -> tuple[Poi
 def roller(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
     """(..., n, 3) of a roller round its marker."""
     return rim(posture.markers[joint["links"][1]][joint["markers"][1]], *roller_axis(posture, joint), joint["radius"], 49)
+
+
+def face_radius(lines: list[Points]) -> float:
+    """Of a flat face in pictures, by the outline that it lies on."""
+    spans = np.sort(np.ptp(lines[0], axis=0))
+    return 0.5 * float(spans[-2])
+
+
+def face(posture: Posture, joint: dict[str, Any]) -> Points:
+    """(n, 3) of a flat face in space, as a round plate across its marker's axis."""
+    return rim(*frame_of(posture, joint["links"][1], joint["markers"][1]), face_radius(silhouettes(posture, joint)), 49)
 
 
 def room_for_cams(postures: Postures) -> Iterable[Points]:

@@ -10,7 +10,7 @@ from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from ._cams import is_cam, roller, silhouettes
+from ._cams import face, is_cam, roller, silhouettes
 from ._planar_shapes import around, distinct, jointed, lighter, link_colour
 from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
@@ -138,6 +138,8 @@ def _draw_cams(ax: Axes3D, posture: Posture) -> None:
         ax.add_collection3d(Poly3DCollection(faces, facecolor=(*lighter(first, 0.5), 0.45), edgecolor="none"))
         if joint["radius"] > 0:
             ax.add_collection3d(Poly3DCollection([roller(posture, joint)], facecolor=lighter(second, 0.35), edgecolor=second, linewidth=1.3))
+        if joint["follower"] == "flat":
+            ax.add_collection3d(Poly3DCollection([face(posture, joint)], facecolor=(*lighter(second, 0.35), 0.7), edgecolor=second, linewidth=1.3))
 
 
 def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:

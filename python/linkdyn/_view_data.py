@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ._cams import is_cam, outlines_in_link, roller_axis
+from ._cams import face_radius, is_cam, outlines_in_link, roller_axis
 from ._forces import Forces, find_forces
 from ._postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of
 from ._style import COLOURS, readable
@@ -170,7 +170,7 @@ def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) ->
         turn = postures.turns[joint["links"][1]][sample]
         axis = roller_axis(postures.at(sample), joint)[0] @ turn
         lines = outlines_in_link(postures, sample, joint)
-        return seen | {"outlines": [line[:-1].round(9).tolist() for line in lines], "roller_axis": axis.round(9).tolist()}
+        return seen | {"outlines": [line[:-1].round(9).tolist() for line in lines], "roller_axis": axis.round(9).tolist(), "face_radius": face_radius(lines)}
     if joint["type"] == "belt":
         return joint | {"runs": runs_in_carrier(postures, joint, int(held[0]))}
     if joint["type"] == "planar":

@@ -61,10 +61,11 @@ export class Mechanism {
   followers(link) {
     return this.joints
       .filter(({ type, links }) => type === "cam" && links[1] === link)
-      .map(({ ends, radius, follower, roller_axis }) => ({
+      .map(({ ends, radius, follower, roller_axis, face_radius }) => ({
         ...ends[1],
         radius,
         isFlat: follower === "flat",
+        faceRadius: face_radius,
         turnsAbout: vector(roller_axis),
       }));
   }

@@ -98,12 +98,12 @@ function drawCams(group, mechanism, k, palette, unit, layer) {
     ring.holes.push(loop(line, -0.14 * unit));
     group.add(flat(ring, colours.solid, z + 0.2 * layer));
   }
-  for (const { at, axis, radius, isFlat } of mechanism.followers(k)) {
+  for (const { at, axis, radius, isFlat, faceRadius } of mechanism.followers(k)) {
     if (radius > 0) {
       edged(group, (width) => roundHull([at], width), radius - 0.1 * unit, 0.1 * unit, colours.fill, colours.edge, z, 0.1 * layer);
     }
     if (isFlat) {
-      const along = vector([-axis.y, axis.x, 0]).multiplyScalar(0.2 * mechanism.extent);
+      const along = vector([-axis.y, axis.x, 0]).multiplyScalar(faceRadius);
       group.add(flat(bar(at.clone().sub(along), at.clone().add(along), 0.3 * unit), colours.solid, z));
     }
   }

@@ -204,7 +204,7 @@ function drawTable(groups, { ends: [first, second], field }, palette, unit) {
   groups[second.link].add(rod(second.at, top, 2.6 * unit, palette.joint));
 }
 
-/** Outlines of cams, discs and drums; rollers as rings. */
+/** Outlines of cams, discs and drums; rollers as rings, flat faces as plates. */
 function drawCams(group, mechanism, k, palette, unit) {
   const material = k === 0 ? palette.frame : palette.link(k).solid;
   const wall = material.clone();
@@ -217,7 +217,8 @@ function drawCams(group, mechanism, k, palette, unit) {
   for (const { edge, end } of mechanism.walls(k)) {
     group.add(closedTube(edge, 0.4 * unit, material), closedTube(end, 0.4 * unit, material), loft(edge, end, wall));
   }
-  for (const { at, radius, turnsAbout } of mechanism.followers(k)) {
+  for (const { at, axis, radius, turnsAbout, isFlat, faceRadius } of mechanism.followers(k)) {
+    if (isFlat) group.add(rod(at, at.clone().addScaledVector(axis, -0.4 * unit), faceRadius, material));
     if (!(radius > 0)) continue;
     const half = turnsAbout.clone().multiplyScalar(Math.min(0.8 * unit, 0.5 * radius));
     group.add(rod(at.clone().sub(half), at.clone().add(half), radius, material));
