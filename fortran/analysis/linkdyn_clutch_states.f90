@@ -30,6 +30,7 @@ module linkdyn_clutch_states
         real(wp), allocatable :: switched(:, :)        !! last event that opened or closed it [s]; -huge: none (lane, n_clutch)
         logical, allocatable :: was_closed(:, :)       !! by it (lane, n_clutch)
         logical, allocatable :: was_held(:, :)         !! before what happens at an instant (lane, n_clutch)
+        real(wp), allocatable :: loosened(:, :)        !! when it broke loose last [s]; -huge: never (lane, n_clutch)
         logical :: begins = .false.                    !! the run does: what is so from the start is no event
         real(wp) :: longest(lanes) = 0                 !! step since something holds [s]
         real(wp) :: t_accepted(lanes) = 0              !! [s]
@@ -46,7 +47,7 @@ contains
         allocate (states%sense(lanes, n), states%capacity(lanes, n), states%rub(lanes, n), states%force(lanes, n), &
                   states%applied(lanes, n), states%fastest(lanes, n), states%kept(lanes, n), &
                   states%ease(lanes, n), source=0.0_wp)
-        allocate (states%switched(lanes, n), source=-huge(1.0_wp))
+        allocate (states%switched(lanes, n), states%loosened(lanes, n), source=-huge(1.0_wp))
     end subroutine prepare_clutches
 
     !> Does a clutch hold?

@@ -81,6 +81,10 @@ contains
         held = self%clutch%holds
         was_closed = self%clutch%is_closed
         must_slip = has_crossed .and. held .and. is_closed
+        where (must_slip) self%clutch%loosened = spread(t, 2, size(held, 2))
+        ! What has broken loose at this instant does not hold again before anything has moved: others that do so then would hold in turn.
+        must_slip = must_slip .or. (is_closed .and. .not. held .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
+                                    .and. self%clutch%loosened >= spread(t - 64*spacing(t), 2, size(held, 2)))
         is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)
         positive = spread(self%model%scene%clutch%is_positive, 1, lanes)
         call note_slips(self, t, y, was_closed, held)
@@ -276,11 +280,11 @@ contains
         real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
         logical, intent(inout) :: holds(:, :)          !! those that must slip do not; then those that hold (lane, n_held)
         real(wp), intent(inout) :: sense(:, :)         !! of those that must slip; then of all that slip (lane, n_held)
-        real(wp), dimension(lanes, size(holds, 2)) :: none, away, most, capacity
-        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n)
-        logical :: failed(lanes), may_hold(lanes, size(is_free, 2))
-        integer, allocatable :: of(:)
-        integer :: lane, i, n
+        real(wp), dimension(lanes, size(holds, 2)) :: none, away, told_sense
+        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n), first_sense(size(holds, 2))
+        logical, dimension(lanes, size(is_free, 2)) :: may_hold, seems_held
+        logical :: failed(lanes), told_holds(lanes, size(holds, 2)), first_holds(size(holds, 2))
+        integer :: lane, n
 
         n = n_stop(self%model%scene)
         call find_able(self, is_free, response, may_hold)
@@ -292,38 +296,63 @@ contains
             holds(:, n + 1:) = .false.
             sense(:, n + 1:) = sign(1.0_wp, away(:, n + 1:))
         end where
-        do i = 1, size(is_free, 2)
-            if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(:, i) = grip(:, i)
-        end do
-        most = huge(1.0_wp)
-        capacity = 0
-        capacity(:, n + 1:) = merge(0.0_wp, self%clutch%capacity, positive)
-        do i = 1, size(is_free, 2)
-            where (.not. positive(:, i)) most(:, n + i) = self%model%scene%clutch(i)%static*self%clutch%capacity(:, i)
-        end do
+        told_holds = holds
+        told_sense = sense
         do lane = 1, lanes
-            if (.not. is_concerned(lane)) cycle
-            of = pack([(i, i=1, size(holds, 2))], takes_part(lane, :))
-            if (size(of) == 0) cycle
+            if (is_concerned(lane)) call share(lane)
+        end do
+        if (.not. has_sticking(self%model)) return
+        ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip.
+        seems_held = self%clutch%holds
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        grip = self%clutch%capacity
+        do lane = 1, lanes
+            if (.not. is_concerned(lane) .or. .not. any(is_free(lane, :) .and. .not. seems_held(lane, :))) cycle
+            first_holds = holds(lane, :)
+            first_sense = sense(lane, :)
+            holds(lane, :) = told_holds(lane, :)
+            sense(lane, :) = told_sense(lane, :)
             call share(lane)
+            if (count(holds(lane, :)) > count(first_holds)) cycle
+            holds(lane, :) = first_holds
+            sense(lane, :) = first_sense
+            call take(lane)
         end do
 
     contains
 
         subroutine share(lane)
             integer, intent(in) :: lane
-            logical :: part_holds(size(of))
-            real(wp) :: part_sense(size(of))
+            real(wp), dimension(size(holds, 2)) :: most, capacity
+            logical, allocatable :: part_holds(:)
+            real(wp), allocatable :: part_sense(:)
+            integer, allocatable :: of(:)
+            integer :: i
 
+            most = huge(1.0_wp)
+            capacity = 0
+            do i = 1, size(is_free, 2)
+                if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(lane, i) = grip(lane, i)
+                if (positive(lane, i)) cycle
+                capacity(n + i) = self%clutch%capacity(lane, i)
+                most(n + i) = self%model%scene%clutch(i)%static*capacity(n + i)
+            end do
+            of = pack([(i, i=1, size(holds, 2))], takes_part(lane, :))
+            if (size(of) == 0) return
             part_holds = holds(lane, of)
             part_sense = sense(lane, of)
-            call share_load(response(lane, of, of), away(lane, of), most(lane, of), capacity(lane, of), of > n, &
-                            part_holds, part_sense)
+            call share_load(response(lane, of, of), away(lane, of), most(of), capacity(of), of > n, part_holds, part_sense)
             holds(lane, of) = part_holds
-            where (is_free(lane, :)) self%clutch%holds(lane, :) = holds(lane, n + 1:)
             sense(lane, of) = part_sense
-            where (is_free(lane, :)) self%clutch%sense(lane, :) = sense(lane, n + 1:)
+            call take(lane)
         end subroutine share
+
+        subroutine take(lane)
+            integer, intent(in) :: lane
+
+            where (is_free(lane, :)) self%clutch%holds(lane, :) = holds(lane, n + 1:)
+            where (is_free(lane, :)) self%clutch%sense(lane, :) = sense(lane, n + 1:)
+        end subroutine take
     end subroutine share_loads
 
     !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them.

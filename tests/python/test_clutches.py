@@ -726,6 +726,33 @@ def test_several_rub_stick_and_let_go_as_time_steps_find(seed):
 
 
 # ---------------------------------------------------------------------------------------------------------------- estimates, members
+def test_two_hinges_of_a_loop_that_hold_by_what_presses_them():
+    """A four-bar rests at a stop, is held by two hinges as the push falls, and breaks loose: how hard it presses hangs on who holds."""
+    hinges = [("A", "frame.A", "crank.A"), ("B", "crank.B", "rod.B"), ("C", "rod.C", "rocker.C"), ("D", "frame.D", "rocker.D")]
+    data: dict[str, Any] = {
+        "space": "planar",
+        "gravity": [0, -9.81],
+        "frame": {"markers": {"A": [0, 0], "D": [0.401, 0]}},
+        "link": [
+            {"name": "crank", "mass": 2.96, "inertia": 0.044, "cog": [0.0435, 0], "markers": {"A": [0, 0], "B": [0.112, 0]}},
+            {"name": "rod", "mass": 0.69, "inertia": 0.0214, "cog": [0.286, 0], "markers": {"B": [0, 0], "C": [0.572, 0]}},
+            {"name": "rocker", "mass": 0.596, "inertia": 0.0204, "cog": [0.165, 0], "markers": {"D": [0, 0], "C": [0.329, 0]}},
+        ],
+        "joint": [{"name": name, "type": "revolute", "between": links} for name, *links in hinges],
+        "coordinate": [{"joint": "A", "start": {"position": 0.545, "velocity": -2.28}}],
+        "actuator": [{"joint": "A", "law": {"type": "formula", "value": "4 N*m*cos(3 rad/s*time)"}}],
+        "stop": [{"name": "s", "joint": "A", "min": -1.24, "max": 1.99, "restitution": 0}],
+    }
+    data["joint"][2]["branch"] = 1
+    t = np.linspace(0, 1, 51)
+    rubs = [{"joint": joint, "coulomb": 0.2, "radius": 0.015} for joint in "BC"]
+    run = linkdyn.Scene(data | {"friction": [rub | {"sticking": True} for rub in rubs]}).forward(t=t, rtol=1e-8, atol=1e-8)
+    creeping = linkdyn.Scene(data | {"friction": [rub | {"creep_speed": 1e-5} for rub in rubs]})
+    other = creeping.forward(t=t, method="seulex", rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=2e-3)
+    assert (times(run, "s.max", "release")[0] < times(run, "B", "slip")).any() or (times(run, "s.max", "release")[0] < times(run, "C", "slip")).any()
+
+
 def test_estimated_errors_of_a_run_that_sticks():
     run = belt().forward(t=np.linspace(0, 2, 21), error=True)
     assert float(run.q_error.max()) < 1e-6 and (run.status == 0).all()
