@@ -37,7 +37,7 @@ contains
         takes_part(:, :n_stop(self%model%scene)) = .false.
         takes_part(:, n_stop(self%model%scene) + 1:) = .true.
         call self%evaluate_on_lanes(t, y, rate, failed)
-        call find_responses(self, takes_part, response, of_coordinates)
+        call find_responses(self, takes_part, .false., response, of_coordinates)
         do i = 1, n_clutch(self%model%scene)
             self%clutch%ease(:, i) = response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i)
         end do
@@ -213,7 +213,7 @@ contains
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         before = slips(self%model, self%look, level_velocity)
-        call find_responses(self, takes_part, response, of_coordinates)
+        call find_responses(self, takes_part, .true., response, of_coordinates)
         wanted = 0
         wanted(:, n_stop(self%model%scene) + 1:) = -before
         call solve_contacts(response, takes_part, wanted, push)
@@ -260,7 +260,7 @@ contains
         end do
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
-            call find_responses(self, takes_part, response, of_coordinates)
+            call find_responses(self, takes_part, .false., response, of_coordinates)
             call share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
             call take_last_slip(self, t, takes_part .and. holds .and. spread(is_concerned, 2, n_held(self%model)), takes_part, &
                                 response, of_coordinates, y)

@@ -30,9 +30,12 @@ contains
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp
         real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
-        real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes)
-        integer :: k, i, turn
+        real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
+        integer :: k, i, turn, n
 
+        n = size(factor, 2)
+        factor = self%workspace%friction%factor(:, :n)
+        if (is_impact) self%workspace%friction%factor(:, :n) = 0
         push = 0
         response = 0
         of_coordinates = 0
@@ -56,6 +59,7 @@ contains
                 where (.not. unit <= huge(1.0_wp)) unit = 1
             end do
         end do
+        self%workspace%friction%factor(:, :n) = factor
     end procedure find_responses
 
     !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
@@ -72,7 +76,7 @@ contains
 
         is_held(:, :n_stop(self%model%scene)) = self%stops%rests
         is_held(:, n_stop(self%model%scene) + 1:) = self%clutch%holds
-        call find_responses(self, is_held, response, of_coordinates)
+        call find_responses(self, is_held, .false., response, of_coordinates)
         rubs = size(self%equations%rub) > 0
         push = 0
         call accelerate(self, push, away)

@@ -165,7 +165,7 @@ contains
         takes_part(:, :n) = touches
         takes_part(:, n + 1:) = self%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
                                 .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
-        call find_responses(self, takes_part, of_all, coordinates_by_all)
+        call find_responses(self, takes_part, .true., of_all, coordinates_by_all)
         do lane = 1, lanes
             held = pack([(i, i=n + 1, n_held(self%model))], takes_part(lane, n + 1:))
             do i = 1, n

@@ -325,9 +325,10 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, response, of_coordinates)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
+            logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
         end subroutine find_responses

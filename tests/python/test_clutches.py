@@ -753,6 +753,40 @@ def test_two_hinges_of_a_loop_that_hold_by_what_presses_them():
     assert (times(run, "s.max", "release")[0] < times(run, "B", "slip")).any() or (times(run, "s.max", "release")[0] < times(run, "C", "slip")).any()
 
 
+@pytest.mark.parametrize("joint", ["A", "B", "C", "D"])
+@pytest.mark.parametrize("what", ["lock", "stop"])
+def test_joints_do_not_rub_by_impulses(joint, what):
+    """What an impact loses is what is gone of the kinetic energy, with the mass that is felt without any friction."""
+    hinges = [("A", "frame.A", "crank.A"), ("B", "crank.B", "rod.B"), ("C", "rod.C", "piston.C")]
+    data: dict[str, Any] = {
+        "space": "planar",
+        "frame": {"markers": {"A": [0, 0], "rail": {"at": [0, 0.01], "axis": [1, 0]}}},
+        "link": [
+            {"name": "crank", "mass": 1.0, "inertia": 0.02, "markers": {"A": [0, 0], "B": [0.08, 0]}},
+            {"name": "rod", "mass": 0.8, "inertia": 0.008, "cog": [0.14, 0], "markers": {"B": [0, 0], "C": [0.3, 0]}},
+            {"name": "piston", "mass": 1.5, "inertia": 0.002, "markers": {"C": {"at": [0, 0], "axis": [1, 0]}}},
+        ],
+        "joint": [*({"name": name, "type": "revolute", "between": links} for name, *links in hinges),
+                  {"name": "D", "type": "prismatic", "between": ["frame.rail", "piston.C"]}],
+        "coordinate": [{"joint": "A", "start": {"position": 0.4, "velocity": 6}}],
+        "actuator": [{"joint": "A", "law": {"type": "constant", "value": 0}}],
+    }  # fmt: skip
+    plain = linkdyn.Scene(data)
+    data["friction"] = [{"joint": name, "coulomb": 0.2, "radius": 0.02} for name in "ABC"]
+    data["friction"] += [{"joint": "D", "coulomb": 0.2}]
+    if what == "lock":
+        data["clutch"] = [{"name": "hit", "joint": joint, "from": 0.1}]
+    else:
+        name = joint + (".slide" if joint == "D" else ".angle")
+        way = plain.inverse(q=[[0.4], [0.9]]).joint_variable.sel(variable=name).values
+        data["stop"] = [{"name": "hit", "joint": joint, "restitution": 0.5, "max" if way[1] > way[0] else "min": float(way[1])}]
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 0.2, 21), rtol=1e-10, atol=1e-10)
+    q, before, after = (getattr(run, key).values[0, 0] for key in ("event_q", "event_qd", "event_qd_after"))
+    assert after == pytest.approx(0 if what == "lock" else -0.5 * before, abs=1e-9)
+    mass = plain.solve([[q]], [[0.0]], [[1.0]])["driving_force"][0, 0]
+    assert float(run.event_loss[0]) == pytest.approx(mass * (before**2 - after**2) / 2, rel=1e-7)
+
+
 def test_estimated_errors_of_a_run_that_sticks():
     run = belt().forward(t=np.linspace(0, 2, 21), error=True)
     assert float(run.q_error.max()) < 1e-6 and (run.status == 0).all()
