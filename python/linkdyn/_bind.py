@@ -52,6 +52,8 @@ _NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
 LEAST_GIVEN_BACK, MOST_KEPT = 128 << 10, 32 << 20
 """Bytes of the smallest block that glibc may give back to the system, and of the largest that it keeps (DEFAULT_MMAP_THRESHOLD, .._MAX)."""
+AT_A_TIME = 4
+"""Times the results of a call, and nothing is given back between calls that follow each other."""
 LOAD_WIDTH = 6
 POSE_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
@@ -287,11 +289,12 @@ def keep_memory(n_bytes: int) -> None:
     """Have the C library keep so much memory for the next call, once this one's results are forgotten.
 
     glibc gives free memory back to the system when it is more than twice the largest block that was freed before, and getting it
-    again page by page takes longer than the forces of a closed form. A block as large as all results together, freed untouched,
-    tells it how much is used at a time. What is above its limit is given back in any case.
+    again page by page takes longer than the forces of a closed form. A block freed untouched tells it how much is used at a time:
+    beside all results those of the call before, which lie there until the new ones have their name, and what is freed in between.
+    What is above its limit is given back in any case.
     """
     if LEAST_GIVEN_BACK <= n_bytes <= MOST_KEPT:
-        np.empty(n_bytes, dtype=np.uint8)
+        np.empty(min(AT_A_TIME * n_bytes, MOST_KEPT), dtype=np.uint8)
 
 
 def state_loads(handle: int, in_order: bool, q: Floats, qd: Floats, t: Floats, n_load: int) -> Floats:
