@@ -35,6 +35,8 @@ module linkdyn_step_control
     integer, parameter :: step_breaks_law = 4      !! no step, however short, keeps the law of the system
 
     real(wp), parameter :: cut = 0.25_wp           !! of a step that failed
+    real(wp), parameter :: in_reach = 0.45_wp      !! of its length likely serves
+    real(wp), parameter :: tried_again = 1.03_wp   !! growth of that length, in a step
     !> Other lengths for a step that rounding or a failure stands against. Longer ones first, in half tones: whoever comes
     !> nearer to a rough place in short steps has it worse before him, and each length has its stages elsewhere.
     real(wp), parameter :: stretch(18) = [1.0_wp, 1.12_wp, 1.26_wp, 1.41_wp, 1.58_wp, 1.78_wp, 2.0_wp, 2.24_wp, 2.52_wp, 2.83_wp, &
@@ -94,6 +96,7 @@ module linkdyn_step_control
         real(wp), allocatable, private :: roughness(:) !! error that rounding makes a second (n)
         integer, private :: n_unseen = 0               !! steps since it was measured
         real(wp), private :: longest = 0, last = 0     !! steps so far
+        real(wp), private :: out_of_reach = huge(1.0_wp)    !! length at which the system has failed lately
         ! ---- THE STEP UNDER WAY
         logical, private :: is_under_way = .false.
         real(wp), private :: wished = 0                !! length that was tried first
@@ -153,6 +156,7 @@ contains
 
         self%knows_rate = .false.
         self%is_under_way = .false.
+        self%out_of_reach = huge(1.0_wp)
         call self%method%forget()
     end subroutine forget
 
@@ -402,6 +406,9 @@ contains
         if (self%i_stretch == 0) call self%method%propose(trial%step, trial%allowed, .true., self%next)
         ! A step that was cut short by where it had to end says nothing against a longer one.
         if (self%n_refused == 0 .and. trial%step < before) self%next = max(self%next, before)
+        ! Where the system has failed it is likely to fail again, a step further on; it is tried when some shorter ones have been taken.
+        self%next = min(self%next, max(trial%step, in_reach*self%out_of_reach))
+        self%out_of_reach = min(tried_again*self%out_of_reach, huge(1.0_wp)/tried_again)
         part = maxval(abs(trial%error)/trial%asked)
         self%n_accepted = self%n_accepted + 1
         if (part > 1) then
@@ -449,6 +456,8 @@ contains
         if (self%i_stretch == 0) then
             self%n_refused = self%n_refused + 1
             self%step = cut*trial%step
+            if (trial%has_failed .and. .not. (trial%breaks_law .or. trial%is_too_far .or. trial%has_missed)) &
+                self%out_of_reach = trial%step
             if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
             if (system%has_jumped) self%step = min(self%step, cut*trial%step)
             ! A peak that no stage has met, or a place to stop before: shorter steps will.
