@@ -1,7 +1,9 @@
 !> Generated code as text: the header, with what a user needs to know, and the source.
 module linkdyn_c_files
     use linkdyn_build, only: version
-    use linkdyn_c_body, only: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, uses_operation
+    use linkdyn_c_body, only: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, uses_operation, &
+        take_curves
+    use linkdyn_c_curves, only: write_curves
     use linkdyn_c_iteration, only: group_code, write_move, write_settling
     use linkdyn_c_words, only: c_comment, c_number, c_numbers, upper
     use linkdyn_code_fields, only: name_list, field_type, in_c_order, field_size, n_list, of_place, of_placed, note_len
@@ -10,6 +12,7 @@ module linkdyn_c_files
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_inputs, only: in_branch
     use linkdyn_kinds, only: wp
+    use linkdyn_piecewise, only: piecewise_curve
     use linkdyn_schedule, only: op_multiply_add, op_multiply_subtract, op_subtract_product
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -190,15 +193,19 @@ contains
         type(controller_code), intent(in) :: code
         integer, intent(in) :: unit                    !! open for formatted writing
         type(c_routine) :: routine, closing(size(code%group))
+        type(piecewise_curve), allocatable :: curve(:)
         character(len=:), allocatable :: name, large
         integer :: g, n_operation, n_place, most_rows
 
         call wire(code, "compute", code%controller, routine)
+        allocate (curve(0))
+        call take_curves(routine, curve)
         n_operation = size(routine%line%of)
         n_place = routine%line%n_place
         most_rows = 0
         do g = 1, size(code%group)
             call wire(code, "step_"//to_text(g), code%group(g)%controller, closing(g))
+            call take_curves(closing(g), curve)
             n_operation = n_operation + size(closing(g)%line%of)
             n_place = max(n_place, closing(g)%line%n_place)
             most_rows = max(most_rows, size(code%group(g)%unit))
@@ -245,6 +252,7 @@ contains
         write (unit, "(a)") "};", ""
         call write_start(code, name//"_input", name//"_start", code%input, unit)
         if (has_state(code)) call write_start(code, name//"_state", name//"_assembly", code%state, unit)
+        call write_curves(curve, unit)
         if (has_state(code)) call write_move(code%list(of_place)%n, unit)
         do g = 1, size(code%group)
             call write_routine(closing(g), unit)

@@ -135,9 +135,6 @@ contains
         if (any(payload_is_input(model)) .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: the mass of the payload on "//trim(model%scene%payload(findloc(payload_is_input(model), &
             .true., dim=1))%name)//" changes with time (expected one that is always there, or the kernel kinematics)")
-        if (model%n_cam > 0) call fail(status, status_bad_input, "no code can be generated: where cam " &
-            //quoted(model%joint(findloc(model%joint%cam, 1, dim=1))%name) &
-            //" is touched takes a search (expected a scene without cams)")
         if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
             " throws back (expected a scene without stops, or another kernel)")

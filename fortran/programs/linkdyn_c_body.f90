@@ -1,16 +1,19 @@
 !> A kernel as functions in C: one statement an operation, its inputs by name, its outputs where they go.
 module linkdyn_c_body
+    use linkdyn_c_curves, only: find_curve
     use linkdyn_c_words, only: c_number
     use linkdyn_kernel, only: kernel_type
     use linkdyn_operation, only: op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, op_arctangent, &
-        op_minimum, op_maximum, op_absolute, op_select, op_whole
+        op_minimum, op_maximum, op_absolute, op_select, op_whole, op_piece, op_nearest, op_farthest
+    use linkdyn_piecewise, only: piecewise_curve, curve_of, which_of
     use linkdyn_schedule, only: op_multiply_add, op_multiply_subtract, op_subtract_product
     use linkdyn_straight_line, only: straight_line, statement_type, operand_type, make_straight_line, part_of, from_input, &
         from_constant, from_statement
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, is_handed, uses_operation, text_len
+    public :: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, is_handed, uses_operation, take_curves
+    public :: text_len
 
     integer, parameter :: text_len = 256
 
@@ -37,6 +40,7 @@ module linkdyn_c_body
         logical, allocatable, private :: takes(:, :)   !! (pointer, part)
         integer, allocatable, private :: first_of(:)   !! output that a statement is; 0: none (statement)
         integer, allocatable, private :: next_of(:)    !! another one that is the same (output)
+        integer, allocatable, private :: curve(:)      !! what those are called in which it looks up (curve of the kernel)
     end type c_routine
 
 contains
@@ -145,6 +149,22 @@ contains
         p = line%n_part
         if (line%output(k)%from == from_statement) p = part_of(line%output(k)%at)
     end function part_of_output
+
+    !> The curves in which a routine looks up, among those of others.
+    subroutine take_curves(routine, shelf)
+        type(c_routine), intent(inout) :: routine
+        type(piecewise_curve), allocatable, intent(inout) :: shelf(:)
+        integer :: k
+
+        allocate (routine%curve(size(routine%kernel%curve)), source=0)
+        do k = 1, size(routine%line%of)
+            associate (look => routine%line%of(k)%look)
+                if (look == 0) cycle
+                if (routine%curve(curve_of(look)) > 0) cycle
+                call find_curve(routine%kernel%curve(curve_of(look)), shelf, routine%curve(curve_of(look)))
+            end associate
+        end do
+    end subroutine take_curves
 
     !> All parts, one after the other.
     subroutine write_routine(routine, unit)
@@ -314,6 +334,14 @@ contains
             text = a//" > 0.0 ? "//b//" : "//c
         case (op_whole)
             text = "nearbyint("//a//")"
+        case (op_piece)
+            associate (which => which_of(routine%line%of(k)%look))
+                text = "along("//curve_text()//", "//to_text(which/4)//", "//to_text(modulo(which, 4))//", "//a//")"
+            end associate
+        case (op_nearest)
+            text = "best_place("//curve_text()//", 1, "//a//", "//b//")"
+        case (op_farthest)
+            text = "best_place("//curve_text()//", 0, "//a//", "//b//")"
         case (op_multiply_add)
             text = "multiply_add("//a//", "//b//", "//c//")"
         case (op_multiply_subtract)
@@ -321,6 +349,14 @@ contains
         case (op_subtract_product)
             text = "multiply_add(-"//a//", "//b//", "//c//")"
         end select
+
+    contains
+
+        function curve_text() result(name)
+            character(len=:), allocatable :: name
+
+            name = "&curve_"//to_text(routine%curve(curve_of(routine%line%of(k)%look)))
+        end function curve_text
     end function expression
 
     !> An operand as a part has it.

@@ -74,17 +74,26 @@ contains
         character(len=:), allocatable :: text
         character(len=48) :: buffer
         real(wp) :: back
-        integer :: n, e, exponent
+        integer :: n, least, most, e, exponent
 
         if (.not. abs(x) <= huge(x)) then
             text = "NAN"                               ! of math.h; nothing that depends on it counts
             return
         end if
-        do n = 1, 17
+        ! what more digits are read as is nearer: so many are enough, or more
+        least = 1
+        most = 17
+        do while (least < most)
+            n = (least + most)/2
             write (buffer, "(es48."//to_text(n - 1)//"e4)") x
             read (buffer, *) back
-            if (back == x) exit
+            if (back == x) then
+                most = n
+            else
+                least = n + 1
+            end if
         end do
+        write (buffer, "(es48."//to_text(most - 1)//"e4)") x
         buffer = adjustl(buffer)
         e = index(buffer, "E")
         read (buffer(e + 1:), *) exponent

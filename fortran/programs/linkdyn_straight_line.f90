@@ -25,6 +25,7 @@ module linkdyn_straight_line
     type :: statement_type
         integer :: kind = 0                            !! `op_*`
         type(operand_type) :: operand(3)
+        integer :: look = 0                            !! of a look-up: in which curve for what
         integer :: place = 0                           !! where later parts find the result; 0: none asks for it
     end type statement_type
 
@@ -58,6 +59,7 @@ contains
             do while (k < kernel%step_end(g))
                 k = k + 1
                 line%of(k)%kind = kernel%step(k)%kind
+                line%of(k)%look = kernel%step(k)%look
                 line%of(k)%operand = in_slot(kernel%step(k)%operand)
                 in_slot(kernel%step(k)%result) = operand_type(from_statement, k)
             end do

@@ -11,7 +11,7 @@ module linkdyn_piecewise
     use linkdyn_operation, only: op_piece, op_nearest
     implicit none (type, external)
     private
-    public :: piecewise_curve, look_up, look_at, curve_of, which_of, packed
+    public :: piecewise_curve, look_up, look_at, curve_of, which_of, packed, most_steps, nearly
 
     integer, parameter :: most_steps = 60
     real(wp), parameter :: small = 0.78_wp         !! angle of a piece up to which sine and cosine take no reduction [rad]

@@ -200,12 +200,19 @@ def face_radius(lines: list[Points]) -> float:
     return 0.5 * float(spans[-2])
 
 
-def face(posture: Posture, joint: dict[str, Any]) -> Points:
-    """(n, 3) of a flat face in space, as a round plate across its marker's axis."""
-    return rim(*frame_of(posture, joint["links"][1], joint["markers"][1]), face_radius(silhouettes(posture, joint)), 49)
+def face(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
+    """(..., n, 3) of a flat face across its marker's axis: a round plate, in a plane a line."""
+    link, name = joint["links"][1], joint["markers"][1]
+    radius = face_radius(outlines(posture, joint))
+    if not posture.scene.planar:
+        return rim(*frame_of(posture, link, name), radius, 49)
+    along = np.cross([0.0, 0.0, radius], posture.axes[link][name])
+    ends: Points = posture.markers[link][name][..., np.newaxis, :] + np.array([[-1.0], [1.0]]) * along[..., np.newaxis, :]
+    return ends
 
 
 def room_for_cams(postures: Postures) -> Iterable[Points]:
     """(N, n, 3) that pictures have room for."""
     cams = [joint for joint in postures.scene.description["joints"] if is_cam(joint)]
-    return [points[:, ::12] for joint in cams for points in (*silhouettes(postures, joint), roller(postures, joint))]
+    riders = [face(postures, joint) if joint["follower"] == "flat" else roller(postures, joint)[:, ::12] for joint in cams]
+    return [points[:, ::12] for joint in cams for points in silhouettes(postures, joint)] + riders

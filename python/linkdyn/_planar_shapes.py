@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from ._cams import face_radius, is_cam, roller, silhouettes
+from ._cams import face, is_cam, roller, silhouettes
 from ._style import COLOURS, FRAME_COLOUR
 from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
@@ -160,8 +160,7 @@ def _draw_cams(ax: Axes, posture: Posture, unit: float) -> None:
         if not is_cam(joint):
             continue
         first, second = (link_colour(link) for link in joint["links"])
-        lines = silhouettes(posture, joint)
-        for line in lines:
+        for line in silhouettes(posture, joint):
             if not joint["groove"] and joint["side"] > 0:
                 ax.add_patch(Polygon(line[:, :2], facecolor=lighter(first, 0.18), edgecolor="none", zorder=1.2))
             ax.plot(*line[:, :2].T, color=tuple(0.8 * c for c in to_rgb(first)), linewidth=1.8, zorder=2.4)
@@ -171,9 +170,7 @@ def _draw_cams(ax: Axes, posture: Posture, unit: float) -> None:
             ax.add_patch(Polygon(circle, facecolor=lighter(second, 0.35), edgecolor=second, linewidth=1.3, zorder=3.2))
             ax.plot(*point, "o", markersize=5.0, markerfacecolor="white", markeredgecolor="0.1", zorder=6)
         if joint["follower"] == "flat":
-            along = posture.axes[joint["links"][1]][joint["markers"][1]][:2]
-            half = face_radius(lines) * np.array([-along[1], along[0]])
-            ax.plot(*np.array([point - half, point + half]).T, color=second, linewidth=3.0, solid_capstyle="butt", zorder=3.2)
+            ax.plot(*face(posture, joint)[:, :2].T, color=second, linewidth=3.0, solid_capstyle="butt", zorder=3.2)
 
 
 def unit_of(ax: Axes) -> float:

@@ -415,11 +415,6 @@ def test_states_that_are_none() -> None:
     assert far.status.item() != 0
 
 
-def test_no_code() -> None:
-    with pytest.raises(linkdyn.LinkdynError, match="where cam 'C' is touched takes a search"):
-        linkdyn.Scene(CAMS["groove"]).generate()
-
-
 # ---------------------------------------------------------------- lifts that are narrower than steps
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 import linkdyn
 import numpy as np
 import pytest
+from test_cams import CAMS
+from test_space_cams import DRUMS, in_tilted_axes
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -243,6 +245,48 @@ def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
         # a driving force that happens to vanish has the rounding of the reactions
         for results in (("driving_force", "reaction"), ("reaction",), ("joint_rate",)):
             assert_alike(*(np.concatenate([np.ravel(of[result]) for result in results]) for of in (found, run.isel(sample=i))))
+
+
+CODED = {**{f"plane: {name}": cam for name, cam in CAMS.items()}, **{f"drum: {name}": drum for name, drum in DRUMS.items()},
+         "tilted face": in_tilted_axes(CAMS["face, slides"])}
+
+
+@pytest.mark.accuracy
+@pytest.mark.parametrize("name", ["plane: roller, turns", "plane: face, slides", "drum: turns", "tilted face",
+                                  *(pytest.param(name, marks=pytest.mark.thorough) for name in CODED)])
+def test_cams(name: str, tmp_path: Path) -> None:
+    """Where a follower touches is looked up in the outline by the code's own bounded search; each cam's table is there once."""
+    scene = linkdyn.Scene(CODED[name])
+    code = scene.generate(want="all", name="kernel")
+    assert code.source.count("static const struct curve") == (2 if "drum" in name else 1)
+    compiled = Compiled(code, tmp_path)
+    time = scene.description["time"]
+    run = scene.inverse(t=np.linspace(time["first"], time["last"], 1001))
+    assert not run.status.values.any()
+    q, qd, qdd = run.q.values, run.qd.values, run.qdd.values
+    state, start = compiled.assembly(), compiled.start()["q"][0]
+    for way in np.linspace(0.0, 1.0, 50):
+        assert compiled(state=state, q=start + way * (q[0] - start))[0] == OK
+    for i in range(len(q)):
+        status, found = compiled(state=state, q=q[i], qd=qd[i], qdd=qdd[i])
+        assert status == OK
+        for result in ("driving_force", "reaction", "joint_rate"):
+            assert np.abs(found[result] - run[result].values[i]).max() <= ROUNDING * np.abs(run[result].values).max()
+
+
+@pytest.mark.accuracy
+def test_cams_forward(tmp_path: Path) -> None:
+    """Accelerations of a cam shaft under its torque: those for which inverse dynamics asks for this torque."""
+    scene = linkdyn.Scene(CAMS["roller, slides"])
+    compiled = Compiled(scene.generate("forward", name="kernel"), tmp_path)
+    run = scene.inverse()
+    state, start = compiled.assembly(), compiled.start()["q"][0]
+    for way in np.linspace(0.0, 1.0, 50):
+        assert compiled(state=state, q=start + way * (run.q.values[0] - start))[0] == OK
+    for i in range(len(run.time)):
+        status, found = compiled(state=state, q=run.q.values[i], qd=run.qd.values[i], driving_force=run.driving_force.values[i])
+        assert status == OK
+        np.testing.assert_allclose(found["qdd"], run.qdd.values[i], rtol=0, atol=1e-10 * np.abs(run.qdd.values).max())
 
 
 @pytest.mark.accuracy
