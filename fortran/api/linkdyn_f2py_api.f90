@@ -6,12 +6,13 @@
 !> is not wanted, or empty, has one element: f2py refuses none.
 !> Kinds here are c_double and c_int only: f2py takes any other real kind for a C float.
 module linkdyn_f2py_api
-    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_intptr_t
+    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_intptr_t, c_loc
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assemblies, only: assembly_list, find_assemblies
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_base_motion, only: evaluate_base_pose
     use linkdyn_code_texts, only: make_code_texts
+    use linkdyn_csv_writer, only: add_table_rows
     use linkdyn_dataset, only: dataset_type, sample_variable
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
     use linkdyn_explain, only: explain_model
@@ -48,7 +49,7 @@ module linkdyn_f2py_api
     use linkdyn_watched_run, only: advance_watched, time_reached
     implicit none
     private
-    public :: api_version, api_choose_code, api_code, api_default_method
+    public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads
     public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
@@ -89,6 +90,28 @@ contains
 
         text = method_name(default_method)
     end subroutine api_default_method
+
+    !> Rows of a table as CSV, in the form of the program's own files.
+    subroutine api_csv_rows(n_column, is_word, width, n_letters, words, n_values, values, capacity, text, length)
+        integer(c_int), intent(in) :: n_column, width, n_letters, n_values
+        integer(c_int), intent(in) :: is_word(n_column)
+        integer(c_int), intent(in) :: words(n_letters)               ! each filled up with blanks to the width
+        real(c_double), intent(in) :: values(n_values)               ! row by row; of words their places in the list
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout), target :: text(capacity)      ! filled with bytes, for there are many: 32 for each number,
+                                                                     ! for each word twice its width and 3
+        integer(c_int), intent(out) :: length                        ! in bytes
+        character(len=width) :: word(n_letters/width)
+        character(len=4*capacity), pointer :: buffer
+        integer :: i
+
+        do i = 1, size(word)
+            word(i) = from_bytes(words((i - 1)*width + 1:i*width))
+        end do
+        call c_f_pointer(c_loc(text), buffer)
+        length = 0
+        call add_table_rows(reshape(values, [n_column, n_values/n_column]), is_word /= 0, word, buffer, length)
+    end subroutine api_csv_rows
 
     !> Read and plan a scene given as text.
     subroutine api_open(n_text, text, n_file, file, n_folder, folder, handle, code, message)

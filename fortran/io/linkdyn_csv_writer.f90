@@ -3,12 +3,13 @@
 !> Numbers have as many digits as reading them back to the same value takes: 17 at most, in quadruple precision 36.
 module linkdyn_csv_writer
     use linkdyn_input, only: put_number, number_length
+    use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, discard_output, write_text, finish_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
-    public :: csv_writer, create_csv, put_csv, close_csv
+    public :: csv_writer, create_csv, put_csv, close_csv, add_table_rows
 
     integer, parameter :: buffer_length = 2**20    !! characters written at a time: calls of the system take their time
 
@@ -70,22 +71,48 @@ contains
             width = samples_width(layout, layout%variable(k))
             do j = (sample - 1)*width + 1, sample*width
                 if (layout%variable(k)%is_integer) then
-                    call append(field(trim(layout%variable(k)%flag(block%of(k)%integer(j) + 1))))
+                    call append(field(trim(layout%variable(k)%flag(block%of(k)%integer(j) + 1))), buffer, length)
                     cycle
                 end if
                 call put_number(block%of(k)%real(j), number, n)
-                call append(number(:n))
+                call append(number(:n), buffer, length)
             end do
         end do
         buffer(length:length) = new_line("a")        ! in place of the last comma
-    contains
-        subroutine append(text)
-            character(len=*), intent(in) :: text
-
-            buffer(length + 1:length + len(text) + 1) = text//","
-            length = length + len(text) + 1
-        end subroutine append
     end subroutine add_row
+
+    !> Rows of any table, in the same form.
+    subroutine add_table_rows(value, is_word, word, buffer, length)
+        real(wp), intent(in) :: value(:, :)          !! column, row; of a word its place in the list
+        logical, intent(in) :: is_word(:)            !! for each column
+        character(len=*), intent(in) :: word(:)
+        character(len=*), intent(inout) :: buffer    !! room for numbers, words and commas
+        integer, intent(inout) :: length             !! characters used
+        character(len=number_length) :: number
+        integer :: i, j, n
+
+        do i = 1, size(value, 2)
+            do j = 1, size(value, 1)
+                if (is_word(j)) then
+                    call append(field(trim(word(nint(value(j, i))))), buffer, length)
+                else
+                    call put_number(value(j, i), number, n)
+                    call append(number(:n), buffer, length)
+                end if
+            end do
+            buffer(length:length) = new_line("a")    ! in place of the last comma
+        end do
+    end subroutine add_table_rows
+
+    subroutine append(text, buffer, length)
+        character(len=*), intent(in) :: text
+        character(len=*), intent(inout) :: buffer
+        integer, intent(inout) :: length
+
+        buffer(length + 1:length + len(text)) = text
+        length = length + len(text) + 1
+        buffer(length:length) = ","
+    end subroutine append
 
     pure integer function longest_row(layout) result(length)
         type(layout_type), intent(in) :: layout

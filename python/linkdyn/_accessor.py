@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 from collections.abc import Callable, Sized
 from html import escape
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from . import _bind
 from ._arguments import as_path
 from ._output import write_output
 from .errors import InputError, UnavailableError
@@ -220,14 +223,15 @@ class RunAccessor:
         return pd.DataFrame(columns, index=pd.Index(self._instants(), name="time [s]" if self._clock == "time" else "sample"))
 
     def to_csv(self, file: str | os.PathLike[str]) -> Path:
-        """Write `to_frame` as CSV, the instants in its first column; ``linkdyn inverse --states`` takes such a file.
+        """Write `to_frame` as CSV, the instants in its first column, numbers as ``--csv`` writes them; ``linkdyn inverse --states``
+        takes such a file.
 
         Raises
         ------
         FileError
             It cannot be written, or is a file that the run was read or computed from.
         """
-        return self._write(file, lambda table: table.to_csv())
+        return self._write(file, _as_csv)
 
     def to_parquet(self, file: str | os.PathLike[str]) -> Path:
         """Write `to_frame` as Parquet, for large tables that pandas, Polars, DuckDB or Spark read; needs pyarrow.
@@ -328,3 +332,22 @@ def table(rows: dict[str, Any]) -> str:
     cell = '<td style="text-align: left">'
     lines = "".join(f"<tr>{cell}{escape(name)}</td>{cell}{escape(str(value))}</td></tr>" for name, value in rows.items() if value != "")
     return f"<table>{lines}</table>"
+
+
+def _as_csv(frame: pd.DataFrame) -> bytes:
+    """The whole file, names first."""
+    names = [str(frame.index.name), *map(str, frame.columns)]
+    head = io.StringIO()
+    csv.writer(head, lineterminator="\n").writerow(names)
+    is_word = np.array([False, *(dtype.kind not in "biuf" for dtype in frame.dtypes)])
+    words: list[str] = []
+    values = np.empty((len(frame), len(names)))
+    values[:, 0] = frame.index
+    for k, word in enumerate(is_word[1:]):
+        column = frame.iloc[:, k].to_numpy()
+        if word:
+            found, places = np.unique(column.astype(str), return_inverse=True)
+            column = places + 1 + len(words)
+            words += found.tolist()
+        values[:, k + 1] = column
+    return b"".join([head.getvalue().encode("utf-8", errors="surrogateescape"), *_bind.csv_rows(values, is_word, words)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +50,10 @@ _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
 _NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
+_TEXT_BLOCK = 4_000_000
+"""Letters of a table that are made at a time, at least a row."""
+_LONGEST_NUMBER = 32
+"""And its comma, in a table."""
 LEAST_GIVEN_BACK, MOST_KEPT = 128 << 10, 32 << 20
 """Bytes of the smallest block that glibc may give back to the system, and of the largest that it keeps (DEFAULT_MMAP_THRESHOLD, .._MAX)."""
 AT_A_TIME = 4
@@ -214,6 +218,30 @@ def add_loads(handle: int, markers: Sequence[str]) -> int:
 def close_scene(handle: int) -> None:
     """Forget a scene; closing twice does no harm."""
     _api.api_close(handle)
+
+
+def csv_rows(values: NDArray[np.float64], is_word: NDArray[np.bool_], words: list[str]) -> Iterator[bytes]:
+    """Rows of a table as CSV, in the form of the program's own files.
+
+    Parameters
+    ----------
+    values
+        (rows, columns); of words their places in the list, from 1 on.
+    is_word
+        (columns,).
+    words
+        Without line ends.
+    """
+    listed = [word.encode("utf-8", errors="surrogateescape") for word in words] or [b""]
+    width = max(1, *map(len, listed))
+    codes = _to_codes(b"".join(word.ljust(width) for word in listed))
+    room = np.where(is_word, 2 * width + 3, _LONGEST_NUMBER).sum()
+    step = max(1, _TEXT_BLOCK // int(room))
+    text = np.zeros(1 + step * int(room) // 4, dtype=np.intc)
+    for start in range(0, len(values), step):
+        block = np.ascontiguousarray(values[start : start + step])
+        length = _api.api_csv_rows(is_word.astype(np.intc), width, codes, block.reshape(-1), text)
+        yield text.view(np.uint8)[:length].tobytes()
 
 
 def describe_scene(handle: int) -> dict[str, Any]:

@@ -145,6 +145,23 @@ def test_tables_in_files(run, scene, tmp_path):
         run.linkdyn.to_csv(tmp_path / "nowhere" / "run.csv")
 
 
+def test_tables_hold_any_word_and_number(tmp_path):
+    """Words that need quotes, in columns anywhere; numbers of all sizes, to the last bit; more rows than are made at a time."""
+    from linkdyn._accessor import _as_csv
+
+    n = 20_001
+    rng = np.random.default_rng(2)
+    numbers = rng.normal(size=n) * 10.0 ** rng.integers(-300, 300, n)
+    numbers[:4] = [np.nan, np.inf, -np.inf, -0.0]
+    word = np.array(['he said "no"', "a, b", "", "Türen"])
+    table = pd.DataFrame({"x, y [m]": numbers, "word": word[np.arange(n) % 4], "n": np.arange(n), "other": word[np.arange(n) % 3]},
+                         index=pd.Index(0.001 * np.arange(n), name="time [s]"))
+    (tmp_path / "table.csv").write_bytes(_as_csv(table))
+    again = pd.read_csv(tmp_path / "table.csv", index_col=0, keep_default_na=False, na_values={"x, y [m]": ["NaN"]}, dtype={"word": object, "other": object})
+    pd.testing.assert_frame_equal(again, table.astype({"word": object, "other": object}), check_exact=True)
+    assert _as_csv(table.iloc[:0]).decode() == 'time [s],"x, y [m]",word,n,other\n'
+
+
 def test_parquet_without_its_library(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(linkdyn.UnavailableError, match=r"pip install 'linkdyn\[parquet\]'"):
