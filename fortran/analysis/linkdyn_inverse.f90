@@ -64,7 +64,8 @@ module linkdyn_inverse
     use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
     private
-    public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
+    public :: shared_places, inverse_options, inverse_results, inverse_solver
+    public :: prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
     public :: solver_name, choose_solver, look_for_record, samples_to_come, place_by_record
 
@@ -72,6 +73,16 @@ module linkdyn_inverse
     !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
     integer, parameter :: worth_closing = 256, samples_to_come = worth_closing
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
+
+    !> How links are led to their places: whatever is asked of the equations, all solvers of a model do it alike.
+    type :: shared_places
+        type(closing_programs), pointer :: closing => null()    !! there if the scene has groups closed by iteration
+        type(known_nodes), pointer :: nodes => null()           !! beside these: from where they close samples on their own
+        type(representative_poses), pointer :: poses => null()
+    contains
+        procedure :: prepare => prepare_places
+        procedure :: free => free_places
+    end type shared_places
 
     type :: inverse_options
         integer :: solver = solver_elimination
@@ -84,6 +95,7 @@ module linkdyn_inverse
         logical :: wants_distance = .false.  !! distance to the next singular position
         logical :: by_record = .true.        !! elimination by a record of the scene, where it has one; false: by lanes alone
         type(kernel_family), pointer :: family => null()    !! of models that share kernels; null: there is none
+        type(shared_places), pointer :: places => null()    !! of this model's solvers, which outlive them; null: there are none
     end type inverse_options
 
     !> Scratch of one thread.
@@ -123,9 +135,8 @@ module linkdyn_inverse
         logical :: wants_distance = .false.
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
-        type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
-        type(known_nodes), pointer :: nodes => null()           !! beside these: from where they close samples on their own
-        type(representative_poses), pointer :: poses => null()  !! of both; there if one of them is
+        type(shared_places) :: places                           !! there if it may, or if records close its groups
+        logical, private :: owns_places = .false.
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
@@ -199,10 +210,35 @@ contains
             .or. options%wants_rcond .or. options%wants_distance)) then
             allocate (solver%records)
         end if
-        ! whatever is asked of the equations, the way to them is the same
-        if (options%by_record .and. size(model%group) > 0) allocate (solver%closing, solver%nodes)
-        if (associated(solver%records) .or. associated(solver%closing)) allocate (solver%poses)
+        if (.not. options%by_record) return
+        solver%owns_places = .not. associated(options%places)
+        if (solver%owns_places) then
+            call solver%places%prepare(model)
+        else
+            solver%places = options%places
+        end if
     end subroutine prepare_inverse
+
+    !> Room for what is made when it is wanted first.
+    subroutine prepare_places(self, model)
+        class(shared_places), intent(inout) :: self
+        type(model_type), intent(in) :: model
+
+        if (size(model%group) > 0) allocate (self%closing, self%nodes)
+        allocate (self%poses)
+    end subroutine prepare_places
+
+    !> Nobody may be using them.
+    subroutine free_places(self)
+        class(shared_places), intent(inout) :: self
+
+        if (associated(self%closing)) then
+            call self%closing%free()
+            deallocate (self%closing)
+        end if
+        if (associated(self%nodes)) deallocate (self%nodes)
+        if (associated(self%poses)) deallocate (self%poses)
+    end subroutine free_places
 
     !> Give the scratch back. No batch may be running.
     subroutine free_solver(self)
@@ -223,12 +259,7 @@ contains
             call self%records%free()
             deallocate (self%records)
         end if
-        if (associated(self%closing)) then
-            call self%closing%free()
-            deallocate (self%closing)
-        end if
-        if (associated(self%nodes)) deallocate (self%nodes)
-        if (associated(self%poses)) deallocate (self%poses)
+        if (self%owns_places) call self%places%free()
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
             space => self%pool%first
@@ -320,7 +351,7 @@ contains
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded, margins, closer)
-        if (associated(solver%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
+        if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
             call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
@@ -335,7 +366,7 @@ contains
             else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly, margins, closer)
             else if (needs_places(recorded)) then
-                call settle_samples(model, threads, q, assembly, closer, solver%nodes)
+                call settle_samples(model, threads, q, assembly, closer, solver%places%nodes)
                 is_on_way = .true.
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
@@ -379,7 +410,8 @@ contains
             if (present(own)) then
                 call count_turns_about(own, results%joint_variable, turns)
             else
-                call count_turns_on_way(model, solver%closing, q, qd, results%joint_rate, assembly, results%joint_variable, turns)
+                call count_turns_on_way(model, solver%places%closing, q, qd, results%joint_rate, assembly, &
+                                        results%joint_variable, turns)
             end if
             if (allocated(own_rate)) nullify (results%joint_rate)
         end if
@@ -765,7 +797,7 @@ contains
         n = size(q, 2)
         nullify (recorded, margins, closer)
         if (is_worth_placing(model, n)) then
-            if (associated(solver%closing)) call need_closer(model, solver, q, closer)
+            if (associated(solver%places%closing)) call need_closer(model, solver, q, closer)
             call need_record(model, solver, results, q, recorded)
             if (present(trail)) call need_margins(model, solver, q, by_record%record)
             if (associated(by_record%record)) margins => by_record
@@ -774,7 +806,7 @@ contains
             if (present(trail)) then
                 call follow_assembly(model, q, trail, assembly, margins, closer)
             else if (associated(closer)) then
-                call settle_samples(model, 1, q, assembly, closer, solver%nodes)
+                call settle_samples(model, 1, q, assembly, closer, solver%places%nodes)
             else
                 call make_room(model, n, assembly)
             end if
@@ -793,9 +825,9 @@ contains
     pure logical function is_worth_placing(model, n)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n                               !! samples
-        integer, parameter :: worth_closing_groups = 512, worth_recording = 4096
+        integer, parameter :: worth_recording = 4096
 
-        is_worth_placing = n >= merge(worth_closing_groups, worth_recording, size(model%group) > 0)
+        is_worth_placing = n >= merge(worth_closing, worth_recording, size(model%group) > 0)
     end function is_worth_placing
 
     !> What is asked of the forces beside driving forces and accelerations.
@@ -893,9 +925,9 @@ contains
 
         nullify (closer)
         call hold_records()
-        if (.not. solver%closing%is_tried) call make_closer(model, q, solver%poses, solver%closing)
+        if (.not. solver%places%closing%is_tried) call make_closer(model, q, solver%places%poses, solver%places%closing)
         call release_records()
-        if (solver%closing%is_usable) closer => solver%closing
+        if (solver%places%closing%is_usable) closer => solver%places%closing
     end subroutine need_closer
 
     recursive subroutine make_record(model, solver, wanted, q, recorded)
@@ -907,18 +939,20 @@ contains
         type(recorded_margins) :: margins
 
         recorded => solver%records%add()
-        call need_poses(model, q, solver%poses)
-        call hold_texts()
-        call record_forces(model, wanted, solver%poses%q, solver%poses%stand, recorded, solver%poses%assembly%place, &
-                           solver%equations%solver == solver_reduced)
-        call release_texts()
-        if (.not. recorded%is_usable) return
-        if (any(wanted == of_margins(1))) then
-            margins%record => recorded
-            recorded%is_usable = judges_like_lanes(model, margins, solver%poses%q)
-        else
-            recorded%is_usable = agrees_with_lanes(model, solver, recorded, solver%poses%q, solver%poses%assembly)
-        end if
+        associate (poses => solver%places%poses)
+            call need_poses(model, q, poses)
+            call hold_texts()
+            call record_forces(model, wanted, poses%q, poses%stand, recorded, poses%assembly%place, &
+                               solver%equations%solver == solver_reduced)
+            call release_texts()
+            if (.not. recorded%is_usable) return
+            if (any(wanted == of_margins(1))) then
+                margins%record => recorded
+                recorded%is_usable = judges_like_lanes(model, margins, poses%q)
+            else
+                recorded%is_usable = agrees_with_lanes(model, solver, recorded, poses%q, poses%assembly)
+            end if
+        end associate
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference

@@ -51,7 +51,6 @@ contains
             last = i
         end do
         call come_to_last()
-        nullify (solver%closing)                           ! is somebody else's
         if (associated(solver%pool)) call solver%free()
 
     contains
@@ -74,7 +73,7 @@ contains
         subroutine step_alike()
             if (.not. associated(closing)) return
             if (.not. closing%is_tried) return
-            solver%closing => closing
+            solver%places%closing => closing               ! which is somebody else's
             solver%n_expected = worth_closing
         end subroutine step_alike
 

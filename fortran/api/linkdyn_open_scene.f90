@@ -6,7 +6,7 @@ module linkdyn_open_scene
     use linkdyn_builder, only: build_model
     use linkdyn_force_map, only: typical_length
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
-    use linkdyn_inverse, only: inverse_options, inverse_solver, prepare_inverse, solver_name, samples_to_come
+    use linkdyn_inverse, only: shared_places, inverse_options, inverse_solver, prepare_inverse, solver_name, samples_to_come
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, dyad_names
@@ -34,6 +34,7 @@ module linkdyn_open_scene
         !> without and with reactions, error estimates, rcond, distance; by solver
         type(solver_box) :: planned(2, 2, 2, 2, size(solver_name))
         type(solver_box) :: placing                                 !! links, without equations
+        type(shared_places) :: places                               !! of all of these
         type(shared_programs), pointer :: shared => null()          !! by its forward runs
     contains
         procedure :: release => release_scene
@@ -132,6 +133,7 @@ contains
         logical, intent(in) :: wants_reactions
         type(inverse_solver), pointer, intent(out) :: solver
         type(status_type), intent(inout) :: status
+        type(inverse_options) :: kept                  !! of a solver that other calls will use
         type(inverse_solver), pointer :: new
         type(solver_box), pointer :: box
 
@@ -146,7 +148,10 @@ contains
         allocate (new)
         call hold_texts()
         if (options%wants_forces) call check_actuators(scene%model%scene, status)
-        if (status%is_ok()) call prepare_inverse(scene%model, to_be_kept(options), wants_reactions, new, status)
+        kept = options
+        kept%n_expected = max(options%n_expected, samples_to_come)
+        kept%places => scene%places
+        if (status%is_ok()) call prepare_inverse(scene%model, kept, wants_reactions, new, status)
         call release_texts()
         call hold_lock()
         if (status%is_ok() .and. .not. associated(box%solver)) then
@@ -168,15 +173,6 @@ contains
 
         call find_solver(scene, inverse_options(wants_forces=.false.), .false., solver, status)
     end subroutine find_placing
-
-    !> Of a solver that other calls will use.
-    function to_be_kept(options) result(kept)
-        type(inverse_options), intent(in) :: options
-        type(inverse_options) :: kept
-
-        kept = options
-        kept%n_expected = max(options%n_expected, samples_to_come)
-    end function to_be_kept
 
     !> Dimensions and variables of some results.
     function layout_of(model, wanted, has_time, is_forward) result(layout)
@@ -207,6 +203,7 @@ contains
             all%distance = .false.
             new%run_layout = layout_of(new%model, all, .true., .true.)
             call hold_programs(new%shared)
+            call new%places%prepare(new%model)
             thing => new
             call make_handle(thing, handle, status)
         end if
@@ -220,6 +217,7 @@ contains
 
         call free_solvers(size(self%planned), self%planned)
         call free_box(self%placing)
+        call self%places%free()
         call leave_programs(self%shared)
     end subroutine release_scene
 

@@ -213,7 +213,7 @@ contains
             if (associated(recorded)) call check(error, recorded%is_usable, "and agreed with the lanes")
         end if
         if (present(steps_are_recorded) .and. by_record) then
-            if (steps_are_recorded) call check(error, solver%closing%is_usable, "Newton's steps are recorded")
+            if (steps_are_recorded) call check(error, solver%places%closing%is_usable, "Newton's steps are recorded")
         end if
         call solver%free()
     end subroutine run_road
