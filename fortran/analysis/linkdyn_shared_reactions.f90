@@ -13,7 +13,7 @@ module linkdyn_shared_reactions
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
-    use linkdyn_elastic_links, only: list_arm_parts, wrench_on_arm
+    use linkdyn_elastic_links, only: list_arm_parts, wrench_on_arm, misfit_of
     use linkdyn_gear_fit, only: gears_go_along
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
@@ -36,6 +36,7 @@ module linkdyn_shared_reactions
         real(wp), allocatable :: part(:, :)             !! of a unit of each row (part, row)
         real(wp), allocatable :: weight(:)              !! (part)
         real(wp), allocatable :: start(:)               !! before anything is shared (part)
+        real(wp), allocatable :: misfit(:)              !! of joints: what a unit of each row takes of the energy [m] (row)
     end type arm_energy
 
 contains
@@ -170,7 +171,13 @@ contains
         integer :: p
 
         call list_arm_parts(model, loop, rows, arms%part, arms%weight, arm, of_arm)
-        allocate (arms%start(size(arm)))
+        allocate (arms%start(size(arm)), arms%misfit(rows%n))
+        do p = 1, rows%n
+            associate (i => rows%joint(p))
+                arms%misfit(p) = misfit_of(model%scene%joint(loop%joint(i)), loop%rotation(:, :, loop%body(1, i)), &
+                                           [rows%wrench(:3, p), loop%size*rows%wrench(4:, p)])
+            end associate
+        end do
         do p = 1, size(arm)
             associate (a => model%arm(arm(p)))
                 whole = 0
@@ -228,7 +235,7 @@ contains
             if (present(arms)) then
                 bent = matmul(arms%part, state)
                 energy = energy + matmul(transpose(bent), spread(arms%weight, 2, size(state, 2))*bent)
-                part = part - matmul(arms%weight*arms%start, bent)
+                part = part - matmul(arms%weight*arms%start, bent) + matmul(arms%misfit, state)
             end if
             call solve_dense(workspace, energy, part, rcond, error_bound, is_singular)
             if (.not. is_singular) added = added + matmul(state, part)

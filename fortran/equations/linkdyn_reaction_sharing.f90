@@ -173,7 +173,7 @@ contains
         type(shared_unknown), allocatable :: list(:)
         type(null_states) :: stress
         type(energy_parts) :: parts
-        type(value) :: z(mechanism%model%share%n)
+        type(value) :: z(mechanism%model%share%n), pull(mechanism%model%share%n)
         integer :: i, u, k
 
         added = zero()
@@ -194,7 +194,8 @@ contains
         end do
         call find_parts(told, reactions, list, start_of(mechanism, unknowns, system, reactions, list), stress%state, parts)
         call add_arms(told, unknowns, push, system, reactions, balance, stress%state, parts)
-        call relax(parts, pack(is_tooth(told, list), stress%is_free), z, mechanism%watched)
+        call add_misfits(told, reactions, balance, stress%state, pull)
+        call relax(parts, pull, pack(is_tooth(told, list), stress%is_free), z, mechanism%watched)
         allocate (balance%solution(size(list)), source=zero())
         do u = 1, size(list)
             do k = 1, size(z)
@@ -471,6 +472,40 @@ contains
         end do
     end subroutine add_arms
 
+    !> What states of self-stress do along the misfits of joints.
+    subroutine add_misfits(told, reactions, balance, state, pull)
+        type(mechanism_type), intent(in) :: told
+        type(force_unknowns), intent(in) :: reactions  !! of the joints as the scene has them
+        type(system_type), intent(inout) :: balance
+        type(value), intent(in) :: state(:, :)         !! (unknown, state)
+        type(value), intent(out) :: pull(:)            !! (state)
+        type(linear_form) :: form
+        type(value) :: work, whole(6)
+        integer :: i, k, u
+
+        pull = zero()
+        do i = 1, size(told%model%share%joint)
+            associate (j => told%model%share%joint(i))
+                associate (acting => reactions%reaction(j), bodies => told%bodies, misfit => told%model%scene%joint(j)%misfit, &
+                           l => told%model%joint(j)%link(1))
+                    if (.not. any(abs(misfit) > 0)) cycle
+                    associate (axes => told%own(l)%r, turning => bodies%body(l)%turning)
+                        whole = [components(axes.unrotate.turned(bodies, acting%force, acting%turning, turning)), &
+                                 components(axes.unrotate.turned(bodies, acting%moment, acting%turning, turning))]
+                    end associate
+                    work = zero()
+                    do k = 1, 6
+                        work = work + misfit(k)*whole(k)
+                    end do
+                end associate
+            end associate
+            call find_linear_form(balance%forms, work, form)
+            do u = 1, size(form%unknown)
+                pull = pull + form%coefficient(u)*state(place_of(balance, form%unknown(u)), :)
+            end do
+        end do
+    end subroutine add_misfits
+
     !> A part of the energy of an arm: what of it that is, which acts at its joint.
     function bent_by(mechanism, arm, k, acting) result(part)
         type(mechanism_type), intent(in) :: mechanism
@@ -564,8 +599,9 @@ contains
     end function weight_of
 
     !> How much of each state is taken. Teeth are the first to share by the sum of squares; what does not load them comes after.
-    subroutine relax(parts, of_teeth, z, watched)
+    subroutine relax(parts, pull, of_teeth, z, watched)
         type(energy_parts), intent(in) :: parts
+        type(value), intent(in) :: pull(:)             !! of misfits (state)
         logical, intent(in) :: of_teeth(:)             !! (state) its free unknown is the force of a tooth
         type(value), intent(out) :: z(:)               !! (state)
         type(value), allocatable, intent(inout) :: watched(:)
@@ -586,7 +622,7 @@ contains
             end do
             other = pack(other, .not. parts%is_tooth)
         end if
-        call find_least(parts%state(other, rest), parts%weight(other), start(other), of_rest, watched)
+        call find_least(parts%state(other, rest), parts%weight(other), start(other), of_rest, watched, pull(rest))
         z(rest) = of_rest
     end subroutine relax
 end module linkdyn_reaction_sharing

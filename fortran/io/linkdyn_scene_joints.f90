@@ -1,6 +1,6 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
-    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic
+    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -9,7 +9,7 @@ module linkdyn_scene_joints
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, length, angle, stiffness, angular_stiffness
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        get_quantity, quantity_of, get_name, get_word, get_integer
+        get_quantity, get_vector, quantity_of, get_name, get_word, get_integer
     use linkdyn_scene_cams, only: read_cam, cam_key
     use linkdyn_scene_gears, only: read_wheels, gear_key
     use linkdyn_scene_laws, only: table_shelf
@@ -64,7 +64,7 @@ contains
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
         call allow_keys(place, [character(len=9) :: "name", "type", "between", "start", "branch", "lead", &
-                                "stiffness", gear_key, cam_key], status)
+                                "stiffness", "misfit", gear_key, cam_key], status)
         call get_word(place, "type", joint_word, joint%kind, status)
         is_slot = joint%kind == slot_word
         if (.not. status%is_ok()) return
@@ -95,6 +95,7 @@ contains
         call require_two_links(place, "between", between, scene, joint%link, status)
         call start_of_joint(place, place%node%get("start"), joint, status)
         call stiffness_of_joint(place, place%node%get("stiffness"), scene, joint, status)
+        call read_misfit(place, scene, joint, status)
         call get_integer(place, "branch", joint%branch, status, found)
         if (.not. status%is_ok() .or. .not. found) return
         if (abs(joint%branch) /= 1) call refuse_value(place, "branch", place%node%get("branch"), &
@@ -159,6 +160,41 @@ contains
                 "is not above zero (what is rigid is left out)", status)
         end do
     end subroutine stiffness_of_joint
+
+    !> How far off from its first marker a joint holds the second, as it was made.
+    subroutine read_misfit(place, scene, joint, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        logical :: found(2)
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("misfit")
+        if (.not. node%is_present()) return
+        if (scene%redundancy /= share_by_stiffness) then
+            call refuse_value(place, "misfit", node, "has no meaning here: it is for scenes with redundancy = ""stiffness""", &
+                              status)
+        else if (is_geared(joint%kind) .or. joint%kind == joint_cam) then
+            call refuse_value(place, "misfit", node, "has no meaning here: a "//trim(joint_kind_name(joint%kind)) &
+                              //" joint holds no marker at another", status)
+        else if (node%kind() /= toml_table) then
+            call refuse_value(place, "misfit", node, "is "//node%kind_text()//" (expected a table with 'shift' or 'turn', " &
+                              //"for example { shift = ['0.1 mm', 0"//trim(merge("]   ", ", 0]", scene%planar))//" })", status)
+        end if
+        if (.not. status%is_ok()) return
+        inner = place_at(place, node, trim(place%what)//", misfit")
+        call allow_keys(inner, [character(len=5) :: "shift", "turn"], status)
+        call get_vector(inner, "shift", length, joint%misfit(:merge(2, 3, scene%planar)), status, found(1))
+        if (scene%planar) then
+            call get_quantity(inner, "turn", angle, joint%misfit(6), status, found(2))
+        else
+            call get_vector(inner, "turn", angle, joint%misfit(4:), status, found(2))
+        end if
+        if (status%is_ok() .and. .not. any(found)) call refuse_missing(inner, "shift", "how far it is off, or 'turn'", status)
+    end subroutine read_misfit
 
     !> A joint, a spring or a leg joins two different links.
     subroutine require_two_links(place, key, node, scene, link, status)

@@ -13,12 +13,12 @@ module linkdyn_elastic_links
     use linkdyn_joint_table, only: is_geared, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, arm_type
-    use linkdyn_scene, only: link_spec, arm_spec
+    use linkdyn_scene, only: link_spec, arm_spec, joint_spec
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
-    public :: take_arms, wrench_on_arm, list_arm_parts
+    public :: take_arms, wrench_on_arm, list_arm_parts, misfit_of
 
     real(wp), parameter :: rounding = 1.0e-12_wp        !! what is left of a compliance that is in others already
     real(wp), parameter :: hardly_across = 1.0e-6_wp    !! of a unit vector, that a section's y must stand off the beam
@@ -168,6 +168,15 @@ contains
             own = [matmul(wrench(:3), axes), matmul(moment, axes)]
         end associate
     end function wrench_on_arm
+
+    !> What a reaction does along the misfit of its joint, once that is pushed together.
+    pure real(wp) function misfit_of(joint, axes, wrench) result(work)
+        type(joint_spec), intent(in) :: joint
+        real(wp), intent(in) :: axes(3, 3)             !! of its first link
+        real(wp), intent(in) :: wrench(6)              !! on its second link at its marker, world axes [N, N m]
+
+        work = dot_product(joint%misfit, [matmul(wrench(:3), axes), matmul(wrench(4:), axes)])
+    end function misfit_of
 
     !> The parts of the arms' energy that reactions of the loop have, rows of constraints in newtons, moments over the size.
     pure subroutine list_arm_parts(model, loop, rows, part, weight, arm, of_arm)

@@ -178,6 +178,8 @@ module linkdyn_scene
         logical :: has_phase = .false.            !! it was written
         real(wp) :: strand(3) = 0                 !! of a belt that stretches: stiffness, damping and pretension of one strand [N/m, N s/m, N]
         real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
+        real(wp) :: misfit(6) = 0                 !! how far and how much turned it holds its second marker off, free of load; axes of
+                                                  !! the first link [m, rad]
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         type(cam_spec) :: cam                     !! of a cam
         integer :: line = 0

@@ -18,12 +18,13 @@ module linkdyn_least_squares
 contains
 
     !> z, and what is watched of it.
-    subroutine find_least(state, weight, start, z, watched)
+    subroutine find_least(state, weight, start, z, watched, pull)
         type(value), intent(in) :: state(:, :)         !! N (part, state)
         real(wp), intent(in) :: weight(:)              !! C (part)
         type(value), intent(in) :: start(:)            !! x0 (part)
         type(value), intent(out) :: z(:)               !! (state)
         type(value), allocatable, intent(inout) :: watched(:)    !! values whose magnitudes must stay below one
+        type(value), intent(in), optional :: pull(:)   !! p: the least of x C x - 2 p z; absent: zero (state)
         type(value) :: lower(size(z), size(z)), inverse(size(z)), more(size(z)), x(size(start))
         integer :: k, i
 
@@ -67,7 +68,7 @@ contains
             end do
         end subroutine factorize
 
-        !> -(N' C N)^-1 N' C x
+        !> -(N' C N)^-1 (N' C x - p)
         function solution(x) result(z)
             type(value), intent(in) :: x(:)            !! (part)
             type(value) :: z(size(inverse))
@@ -75,6 +76,7 @@ contains
 
             do k = 1, size(z)
                 z(k) = -product_of(state(:, k), x)
+                if (present(pull)) z(k) = z(k) + pull(k)
                 do j = 1, k - 1
                     z(k) = z(k) - lower(k, j)*z(j)
                 end do

@@ -289,7 +289,7 @@ class Builder:
     # ------------------------------------------------------------------------------------------------------------- joints
     def revolute(
         self, name: str, first: str, second: str, *, start: Quantity | None = None, branch: Literal[1, -1] | None = None,
-        stiffness: Stiffness | None = None, repeat: int | None = None,
+        stiffness: Stiffness | None = None, misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A hinge: the markers' axes lie in one line.
 
@@ -305,6 +305,8 @@ class Builder:
             Assembly of the dyad that closes here.
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -312,7 +314,7 @@ class Builder:
 
     def prismatic(
         self, name: str, first: str, second: str, *, start: Quantity | None = None, branch: Literal[1, -1] | None = None,
-        stiffness: Stiffness | None = None, repeat: int | None = None,
+        stiffness: Stiffness | None = None, misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A slide along the markers' axes; their frames stay parallel.
 
@@ -328,6 +330,8 @@ class Builder:
             Assembly of the dyad that closes here.
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -335,7 +339,7 @@ class Builder:
 
     def cylindrical(
         self, name: str, first: str, second: str, *, start: Mapping[str, Quantity] | None = None, stiffness: Stiffness | None = None,
-        repeat: int | None = None,
+        misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """Turns about the markers' common axis and slides along it.
 
@@ -349,6 +353,8 @@ class Builder:
             ``{"angle": .., "slide": ..}`` near which loops are closed [rad, m].
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -356,7 +362,7 @@ class Builder:
 
     def spherical(
         self, name: str, first: str, second: str, *, start: Mapping[str, Quantity] | None = None, branch: Literal[1, -1] | None = None,
-        stiffness: Stiffness | None = None, repeat: int | None = None,
+        stiffness: Stiffness | None = None, misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A ball: the markers' points coincide.
 
@@ -372,6 +378,8 @@ class Builder:
             Of a group of cylindrical, spherical and prismatic joint: 1 the farther meeting along the slide, -1 the nearer.
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -379,7 +387,7 @@ class Builder:
 
     def universal(
         self, name: str, first: str, second: str, *, start: Mapping[str, Quantity] | None = None, stiffness: Stiffness | None = None,
-        repeat: int | None = None,
+        misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """Cardan's joint: the markers' axes cross at the point, square.
 
@@ -393,6 +401,8 @@ class Builder:
             ``{"angle1": .., "angle2": ..}`` near which loops are closed [rad].
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -400,7 +410,7 @@ class Builder:
 
     def planar(
         self, name: str, first: str, second: str, *, start: Mapping[str, Quantity] | None = None, stiffness: Stiffness | None = None,
-        repeat: int | None = None,
+        misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A body that slides on a table: the second point stays in the plane across the first axis, which stays parallel to the second.
 
@@ -414,6 +424,8 @@ class Builder:
             ``{"x": .., "y": .., "angle": ..}`` near which loops are closed [m, rad].
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
@@ -421,7 +433,7 @@ class Builder:
 
     def screw(
         self, name: str, first: str, second: str, *, lead: Quantity, start: Quantity | None = None, stiffness: Stiffness | None = None,
-        repeat: int | None = None,
+        misfit: Mapping[str, Any] | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A screw and its nut.
 
@@ -437,12 +449,17 @@ class Builder:
             Angle near which loops are closed [rad].
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """
         return self._joint("screw", locals())
 
-    def fixed(self, name: str, first: str, second: str, *, stiffness: Stiffness | None = None, repeat: int | None = None) -> Joint:
+    def fixed(
+        self, name: str, first: str, second: str, *, stiffness: Stiffness | None = None, misfit: Mapping[str, Any] | None = None,
+        repeat: int | None = None,
+    ) -> Joint:  # fmt: skip
         """A weld: axes and x of both markers lie in one line.
 
         Parameters
@@ -453,6 +470,8 @@ class Builder:
             Markers of the first and second link.
         stiffness
             Of scenes with ``redundancy="stiffness"`` [N/m, N m/rad].
+        misfit
+            There, too: ``{"shift": (..), "turn": (..)}`` by which it was made wrong [m, rad].
         repeat
             Copies.
         """

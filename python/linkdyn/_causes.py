@@ -39,7 +39,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     -------
     xarray.Dataset
         ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
-        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "preload" of drives that share the work,
+        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "preload" of drives that share the work, "misfit" of joints,
         "given MARKER" of wrenches given in the call, and "friction", what it adds to all of these.
 
     Raises
@@ -62,6 +62,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
             causes[_free(f"{kind} {_label(kind, table)}", causes)] = _only(content, kept=(kind, i))
     if any("preload" in table for table in content.get("actuator", [])):
         causes["preload"] = _only(content, preload=True)
+    if any("misfit" in table for table in content.get("joint", [])):
+        causes["misfit"] = _only(content, misfit=True)
     given = _given(run, scene)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
     found = {"inertia": base}
@@ -84,13 +86,16 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     )
 
 
-def _only(content: dict[str, Any], gravity: bool = False, preload: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
-    """The scene with inertia, and gravity, preloads of drives or one load, spring or stop if that is to be kept."""
+def _only(
+    content: dict[str, Any], gravity: bool = False, preload: bool = False, misfit: bool = False, kept: tuple[str, int] | None = None
+) -> dict[str, Any]:
+    """The scene with inertia, and gravity, preloads of drives, misfits of joints or one load, spring or stop if that is to be kept."""
     changed = {key: value for key, value in content.items() if key not in ("load", "spring", "friction", "stop", "sweep")}
     if not gravity:
         changed.pop("gravity", None)
-    if not preload and "actuator" in content:
-        changed["actuator"] = [{key: value for key, value in table.items() if key != "preload"} for table in content["actuator"]]
+    for key, where, stays in (("preload", "actuator", preload), ("misfit", "joint", misfit)):
+        if not stays and where in content:
+            changed[where] = [{name: value for name, value in table.items() if name != key} for table in content[where]]
     if kept:
         changed[kept[0]] = [content[kept[0]][kept[1]]]
     return changed

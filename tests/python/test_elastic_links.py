@@ -60,6 +60,11 @@ def test_a_beam_on_three_bars(solver: str) -> None:
     ends, middle = 1 / (soft + bent), 1 / soft
     expected = 9.81 * np.array([ends, middle, ends]) / (2 * ends + middle)
     np.testing.assert_allclose(run.reaction.sel(joint=["EA", "EB", "EC"], component="Fy").values[0], expected, rtol=1e-12)
+    # the middle pin sits too high
+    scene["joint"][3]["misfit"] = {"shift": [0.0, "0.3 mm"]}
+    off = linkdyn.Scene(scene).inverse(q=q, qd=q, qdd=q, solver=solver)
+    strain = 3e-4 / (3 * soft + bent) * np.array([-1, 2, -1])
+    np.testing.assert_allclose(off.reaction.sel(joint=["EA", "EB", "EC"], component="Fy").values[0], expected + strain, rtol=1e-11)
 
 
 def test_a_shaft_welded_of_two() -> None:
@@ -86,6 +91,28 @@ def test_a_shaft_welded_of_two() -> None:
     moment = 3 * weight * span / 32
     expected = np.array([weight / 2 - moment / span, weight / 2 + 2 * moment / span, -moment / span])
     np.testing.assert_allclose(run.reaction.sel(joint=["A", "B", "C"], component="Fy").values[0], expected, rtol=0, atol=1e-6 * weight)
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_a_bearing_that_is_off(solver: str) -> None:
+    """A clamped beam one end of which is set off and turned: 12 EI/L^3, 6 EI/L^2, 4 EI/L, and a prestressed one."""
+    length, bends, stretches = 0.5, 210e9 * 1e-8, 210e9 * 1e-4
+    scene = hinges([[0, 0, 0], [0, 0, length]], [Z, Z]) | {"redundancy": "stiffness", "gravity": [0.0, 0.0, 0.0]}
+    scene["link"][0] |= {"cog": [0.0, 0.0, 0.2], "elastic": {"E": 210e9, "area": 1e-4, "I": 1e-8}}
+    q = np.zeros((1, 1))
+
+    def ends(misfit: dict[str, Any]) -> Array:
+        scene["joint"][0]["misfit"] = misfit
+        return np.asarray(linkdyn.Scene(scene).inverse(q=q, qd=q, qdd=q, solver=solver).reaction.values[0, 0])
+
+    # the frame's bearing holds the shaft's end off by this, and is pushed back
+    off = ends({"shift": [0.0, 1e-4, 0.0]})
+    np.testing.assert_allclose(off[[1, 3]], [12 * bends * 1e-4 / length**3, -6 * bends * 1e-4 / length**2], rtol=1e-11)
+    turned = ends({"turn": ["0.1 deg", 0.0, 0.0]})
+    angle = np.radians(0.1)
+    np.testing.assert_allclose(turned[[1, 3]], [-6 * bends * angle / length**2, 4 * bends * angle / length], rtol=1e-11)
+    tight = ends({"shift": [0.0, 0.0, "0.02 mm"]})
+    np.testing.assert_allclose(tight[2], stretches * 2e-5 / length, rtol=1e-11)
 
 
 # ---------------------------------------------------------------- a frame of beams of our own
@@ -123,6 +150,7 @@ class Frame:
         n = len(links) + 2 * len(scene["joint"])
         stiffness, force = np.zeros((6 * n, 6 * n)), np.zeros(6 * n)
         rows: list[Array] = []
+        off: list[float] = []
         soft, rests, of_joint, wrenches = [], [], [], []
         for i, link in enumerate(scene["link"]):
             force[6 * i:6 * i + 3] = link["mass"] * np.array(scene["gravity"])
@@ -162,6 +190,9 @@ class Frame:
                     key = {"moment": ("tilt", "tilt", "torsion"), "force": ("radial", "radial", "axial")}[sort][k]
                     given = joint.get("stiffness", {}).get(key)
                     soft.append(1 / given if given else 0.0)
+                    misfit = joint.get("misfit", {}).get("shift" if sort == "force" else "turn", [0.0, 0.0, 0.0])
+                    first_link = joint["between"][0].split(".")[0]
+                    off.append(axes[:, k] @ ((rotation[links.index(first_link)] if first_link in links else np.eye(3)) @ misfit))
                     of_joint.append(j)
                     wrenches.append(np.concatenate([axes[:, k] * (sort == "force"), axes[:, k] * (sort == "moment")]))
         moves = np.setdiff1d(np.arange(6 * n), rests)
@@ -169,11 +200,11 @@ class Frame:
         unit = 1e7                           # in which forces are counted, so that both kinds of numbers are alike
         matrix = np.block([[stiffness[np.ix_(moves, moves)] / unit, held.T], [held, -np.diag(soft) * unit]])
         size = 1 / np.sqrt(np.abs(matrix).max(axis=1))
-        right = size * np.concatenate([force[moves], np.zeros(len(held))])
+        right = size * np.concatenate([force[moves] / unit, off])
         solution = size * np.linalg.lstsq(matrix * size * size[:, None], right, rcond=1e-13)[0]
         self.reaction = np.zeros((len(scene["joint"]), 6))
         for j, wrench, x in zip(of_joint, wrenches, solution[len(moves):], strict=True):
-            self.reaction[j] -= x * wrench
+            self.reaction[j] -= unit * x * wrench
 
     def add_beam(self, stiffness: Array, i: int, node: int, point: Array) -> None:
         link = self.scene["link"][i]
@@ -198,7 +229,16 @@ def beams(scene: dict[str, Any]) -> dict[str, Any]:
     return scene
 
 
-SCENES = {**{name: beams(make()) for name, make in SPATIAL.items()}, "rails": beams(rails("spatial"))}
+def misfitting(scene: dict[str, Any]) -> dict[str, Any]:
+    """Joints that were not made as the links are: some tenths of a millimetre and of a degree."""
+    rng = np.random.default_rng(7)
+    for joint in scene["joint"]:
+        joint["misfit"] = {"shift": (2e-4 * rng.normal(size=3)).tolist(), "turn": (2e-3 * rng.normal(size=3)).tolist()}
+    return scene
+
+
+SCENES = {**{name: beams(make()) for name, make in SPATIAL.items()}, "rails": beams(rails("spatial")),
+          **{f"misfitting {name}": misfitting(beams(SPATIAL[name]())) for name in ("bennett", "slider", "shaft", "agile_eye")}}
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -351,7 +391,7 @@ def test_explain_names_them() -> None:
     assert "least elastic energy" in text and "links that give way: link1, link2, link3" in text
 
 
-@pytest.mark.parametrize("name", ["bennett", "rails"])
+@pytest.mark.parametrize("name", ["bennett", "rails", "misfitting bennett"])
 def test_causes_and_forward_runs(name: str) -> None:
     """What causes bend links with adds up; a forward run that is led as the inverse one tells the same reactions."""
     scene = in_motion(SCENES[name])
