@@ -1,7 +1,7 @@
 !> Joint variables and their rates, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, marker_axis
-    use linkdyn_joint_table, only: is_slide, wraps, slide_axis
+    use linkdyn_joint_table, only: is_slide, wraps, slide_axis, joint_planar, joint_universal
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -13,7 +13,7 @@ module linkdyn_joint_rates
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_scene, only: coordinate_joint
-    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
     use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
@@ -140,16 +140,16 @@ contains
         rate = qd(:, variable)
     end subroutine measure_in_space
 
-    !> Rate of a variable of a revolute, prismatic, cylindrical or screw joint; at level k for a unit rate of coordinate k; at the
-    !> level of what is given its acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those
-    !> of points at a distance.) Needs angular rates in world axes.
+    !> Rate of a variable of any joint but a ball; at level k for a unit rate of coordinate k; at the level of what is given its
+    !> acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those of points at a distance, and
+    !> where a joint has several axes.) Needs angular rates in world axes.
     function joint_rate(model, state, j, variable, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: j, variable
         integer, intent(in) :: level                          !! the velocity, what is given, or a column
         real(wp) :: rate(lanes)
-        type(joint_view) :: view
+        type(joint_view) :: view, moving
         type(vec3) :: axis, pull(2)
 
         if (model%is_planar) then
@@ -160,6 +160,14 @@ contains
             call view_joint(model, state, j, state%velocity, state%omega, view)
         else
             call view_joint(model, state, j, state%acceleration(level, :), state%alpha(level, :), view)
+        end if
+        if (level == level_given .and. any(model%joint(j)%told_kind == [joint_planar, joint_universal])) then
+            ! as the first link sees it, which turns
+            call view_joint(model, state, j, state%velocity, state%omega, moving)
+            associate (omega => state%omega(orientation_of(model, model%joint(j)%link(1))))
+                view%omega = view%omega - (omega.cross.moving%omega)
+                view%slide_rate = view%slide_rate - 2.0_wp*(omega.cross.moving%slide_rate)
+            end associate
         end if
         axis = driven_axis(model, state, j, variable, view)
         if (.not. is_slide(model%joint(j)%told_kind, variable)) then

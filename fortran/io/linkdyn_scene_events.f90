@@ -7,7 +7,7 @@ module linkdyn_scene_events
     use linkdyn_expression, only: measured_value
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
         node_multiply, node_divide, node_negate, node_max, node_if, node_sqrt, node_tanh, node_abs
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, is_pose_part, pose_attitude
+    use linkdyn_joint_table, only: joint_spherical, is_pose_part, pose_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, friction_spec, state_law, measure_spec, law_over, &
         name_len, is_place, measure_joint, measure_marker, measure_distance, measure_tilt
@@ -286,9 +286,9 @@ contains
             call refuse_value(place, "restitution", place%node%get("restitution"), "= "//to_text(bumper%restitution)// &
                 " (expected a number from 0 to 1)", status)
         else if (bumper%is_hard .and. measure%kind == measure_joint) then
-            if (all(scene%joint(measure%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])) &
-                call refuse_value(place, "restitution", place%node%get("restitution"), "is for joints with one axis (expected "// &
-                "a revolute, prismatic, cylindrical or screw joint, or 'stiffness')", status)
+            if (scene%joint(measure%joint)%kind == joint_spherical) call refuse_value(place, "restitution", &
+                place%node%get("restitution"), "is for joints with axes (expected another joint, a tilt of [measures], or "// &
+                "'stiffness')", status)
         end if
     end subroutine read_restitution
 
