@@ -7,7 +7,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from .errors import FileError, InputError
+from .errors import FileError, InputError, MissingFileError
 
 __all__ = ["XmlFile"]
 
@@ -40,6 +40,8 @@ class XmlFile:
             parser.Parse(path.read_bytes(), True)
         except expat.ExpatError as error:
             raise InputError(f"{path}:{error.lineno}: {expat.ErrorString(error.code)} (expected XML)") from None
+        except FileNotFoundError:
+            raise MissingFileError(f"{path}: there is no such file") from None
         except (OSError, ValueError) as error:
             if isinstance(error, InputError):
                 raise

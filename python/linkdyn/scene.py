@@ -235,6 +235,11 @@ class Scene:
         ----------
         matrix
             Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
+
+        Returns
+        -------
+        str
+            As ``linkdyn explain`` prints it.
         """
         return _bind.explain(self._handle, as_flag("matrix", matrix))
 
@@ -397,6 +402,16 @@ class Scene:
             (N, n_variable) all joint variables instead of the coordinates, as results have them [m, rad]: they tell the
             assembly, also where the coordinates do not, as in a forward run through their dead points (status 1 where no joints
             lead to a link from the frame).
+
+        Returns
+        -------
+        Poses
+            Of N samples: places and rotations of the links, and ``status``, 0 where the mechanism can be assembled.
+
+        Raises
+        ------
+        InputError
+            A wrong shape, no numbers, both ``q`` and ``joint_variable``.
         """
         if joint_variable is not None:
             if q is not None:

@@ -74,10 +74,12 @@ class Simulator:
 
     @property
     def q(self) -> NDArray[np.float64]:
+        """(n,) coordinates [m, rad], in the order of the scene's `coordinates`; not to be written to."""
         return _read_only(self._q)
 
     @property
     def qd(self) -> NDArray[np.float64]:
+        """(n,) their rates [m/s, rad/s]; not to be written to."""
         return _read_only(self._qd)
 
     def step(self, dt: float, force: ArrayLike | None = None) -> None:

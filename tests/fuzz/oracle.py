@@ -48,10 +48,10 @@ def message(text: str) -> list[str]:
 
 def raised(error: BaseException) -> list[str]:
     """An error that reached the caller."""
+    if isinstance(error, linkdyn.MissingFileError):     # a text without line ends is a path
+        return []
     if isinstance(error, linkdyn.LinkdynError):
         return message(str(error))
-    if isinstance(error, FileNotFoundError) and error.filename is not None:     # documented for load()
-        return []
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next

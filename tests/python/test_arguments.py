@@ -165,11 +165,11 @@ def test_nonsense_is_refused_by_name(call, argument, scene):
             continue
         try:
             procedure(scene)(**good | {argument: value})
-        except linkdyn.LinkdynError as error:
-            known = {"source": ("scene", "no such file"), "sweep": ("sweep", "scene", "axis"), "changes": ("changes", "with_", "unknown key")}
-            assert any(name in str(error) for name in known.get(argument, (argument,))), (kind, error)
-        except FileNotFoundError:
+        except linkdyn.MissingFileError:
             assert argument in ("source", "folder")    # a text without line ends is a path
+        except linkdyn.LinkdynError as error:
+            known = {"source": ("scene",), "sweep": ("sweep", "scene", "axis"), "changes": ("changes", "with_", "unknown key")}
+            assert any(name in str(error) for name in known.get(argument, (argument,))), (kind, error)
 
 
 @pytest.mark.parametrize("value", [object(), {1, 2}, 1j, b"x", lambda: None])

@@ -730,10 +730,9 @@ def test_large_files_are_refused(tmp_path):
 
 
 def test_missing_files(tmp_path):
-    with pytest.raises(linkdyn.FileError, match="No such file"):
-        linkdyn.convert(tmp_path / "robot.urdf")
-    with pytest.raises(FileNotFoundError):
-        linkdyn.convert(tmp_path / "scene.toml")
+    for name in ("robot.urdf", "scene.toml"):
+        with pytest.raises(linkdyn.MissingFileError, match=f"{name}: there is no such file"):
+            linkdyn.convert(tmp_path / name)
     with pytest.raises(linkdyn.InputError, match="closing: 'loose': unknown joint"):
         linkdyn.convert(tmp_path / "robot.urdf", closing="loose")
 
@@ -816,7 +815,7 @@ def test_command(command, tmp_path):
     (["fourbar.urdf"], "the following arguments are required: -o/--output"),
     (["fourbar.urdf", "-o", "robot.xml"], "'robot.xml' (expected a file that ends in .toml: a scene is made of 'fourbar.urdf')"),
     (["scene.toml", "-o", "other.toml"], "'other.toml' (expected a file that ends in .xml: MJCF is made of 'scene.toml')"),
-    (["missing.urdf", "-o", "x.toml"], "missing.urdf: cannot be read: No such file or directory"),
+    (["missing.urdf", "-o", "x.toml"], "missing.urdf: there is no such file"),
     (["missing.toml", "-o", "x.xml"], "missing.toml: there is no such file"),
     (["fourbar.urdf", "-o", "nowhere/x.toml"], "nowhere/x.toml: cannot be written: No such file or directory"),
     (["fourbar.urdf", "-o", "x.toml", "--closing", "loose"], "closing: 'loose': unknown joint"),

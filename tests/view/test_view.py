@@ -335,7 +335,7 @@ def test_command_with_a_scene_that_reads_tables(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere.toml"], "nowhere.toml: No such file"),
+        (["nowhere.toml"], "nowhere.toml: there is no such file"),
         (["nowhere.nc"], "nowhere.nc"),
         ([], "SCENE"),
         (["a.toml", "--wind"], "--wind"),
