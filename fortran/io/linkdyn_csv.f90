@@ -9,7 +9,7 @@ module linkdyn_csv
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: table_spec, name_len
-    use linkdyn_input, only: read_file_text, parse_number
+    use linkdyn_input, only: is_utf16, read_file_text, parse_number
     use linkdyn_suggest, only: suggestion
     use linkdyn_units, only: is_unit
     implicit none (type, external)
@@ -49,6 +49,10 @@ contains
         is_strict = .true.
         if (present(takes_text)) is_strict = .not. takes_text
         if (present(is_foreign)) table%is_foreign = is_foreign
+        if (is_utf16(text)) then
+            call fail(status, status_bad_input, trim(file)//": this is UTF-16 (expected a text saved as UTF-8)")
+            return
+        end if
         next = 1
         if (len(text) >= 3) then
             if (text(1:3) == char(239)//char(187)//char(191)) next = 4   ! byte order mark

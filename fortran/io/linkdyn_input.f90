@@ -6,7 +6,7 @@ module linkdyn_input
     use linkdyn_status, only: status_type, status_bad_input, fail
     implicit none (type, external)
     private
-    public :: read_file_text, take_text, parse_number, put_number, number_length, folder_of, path_in_folder
+    public :: read_file_text, take_text, is_utf16, parse_number, put_number, number_length, folder_of, path_in_folder
 
     integer(c_int), parameter :: file_ok = 0, file_missing = 1, file_directory = 2, file_denied = 3
 
@@ -129,6 +129,14 @@ contains
             n_used = len_trim(text)
         end if
     end subroutine put_number
+
+    !> A text as Windows writes it where it says "Unicode".
+    pure logical function is_utf16(text)
+        character(len=*), intent(in) :: text
+        character(len=*), parameter :: mark = achar(255)//achar(254)
+
+        is_utf16 = index(text, mark) == 1
+    end function is_utf16
 
     !> The folder of a file, with its last slash; empty for the current one.
     pure function folder_of(file) result(folder)

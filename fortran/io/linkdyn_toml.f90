@@ -1,7 +1,7 @@
 !> A parsed TOML document and its nodes, over the C view of toml++.
 module linkdyn_toml
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_int, c_int64_t, c_double, c_char, c_associated
-    use linkdyn_input, only: take_text
+    use linkdyn_input, only: is_utf16, take_text
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -220,10 +220,9 @@ contains
     pure function other_encoding(text) result(hint)
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: hint
-        character(len=*), parameter :: mark = achar(255)//achar(254)      ! of UTF-16, as Windows writes it
 
         hint = "; save the text as UTF-8"
-        if (index(text, mark) == 1) hint = "; this is UTF-16, save the text as UTF-8"
+        if (is_utf16(text)) hint = "; this is UTF-16, save the text as UTF-8"
     end function other_encoding
 
     !> What those who do not know TOML forget, as the end of a message: quotes, and that decimals have a point.

@@ -63,6 +63,7 @@ contains
         call check(error, status%is_ok() .and. size(table%column) == 2, "semicolons "//status%message)
         call parse_csv("t"//tab//"x"//lf//"0"//tab//"1"//lf, "a.csv", table, status)
         call check(error, status%is_ok() .and. size(table%column) == 2, "tabs "//status%message)
+        call expect(error, char(255)//char(254)//"t"//char(0), "a.csv: this is UTF-16 (expected a text saved as UTF-8)")
         call expect(error, "t;x"//lf//"0;1,5"//lf, "a.csv:2: column 'x': '1,5' is not a number")
     end subroutine test_separators
 
