@@ -450,7 +450,7 @@ contains
         real(wp), intent(in) :: longest                !! that a step may be
         integer, intent(out) :: outcome
         real(wp) :: rough(size(self%y))
-        logical :: is_known, is_better, is_unstable
+        logical :: is_known, is_better, is_too_long
 
         outcome = step_paused                          ! go on
         if (self%i_stretch == 0) then
@@ -488,9 +488,9 @@ contains
             if ((is_better .and. self%best_score <= unexpected) .or. self%i_stretch >= n_longer &
                 .or. self%n_worse >= most_worse) then
                 if (.not. is_good_enough(self, self%best)) then
-                    call look_for_instability(self, system, is_unstable)
+                    call look_for_shorter(self, system, is_too_long)
                     if (is_interrupted()) return
-                    if (is_unstable) then
+                    if (is_too_long) then
                         self%is_rough = .false.
                         call start_shorter(self, cut)
                         return
@@ -520,19 +520,19 @@ contains
         self%step = self%wished
     end subroutine start_shorter
 
-    !> Is it not rates that are rough, but the step too long for the method to be stable? Then, too, copies part, by what the step makes
-    !> of a last place; in a step of a quarter by far less, where rough rates leave a quarter.
-    subroutine look_for_instability(self, system, is_unstable)
+    !> Is it not rates that are rough, but the step too long: for the method to be stable, or over kinks? Then, too, copies part, by what the
+    !> step makes of a last place, or of a kink; in a step of a quarter by far less, where rough rates leave a quarter, or not at all.
+    subroutine look_for_shorter(self, system, is_too_long)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
-        logical, intent(out) :: is_unstable
+        logical, intent(out) :: is_too_long
         integer, parameter :: n_shorter = 6
         type(trial_type) :: trial
         real(wp) :: rough(size(self%y)), apart, before
         logical :: is_known
         integer :: i
 
-        is_unstable = .false.
+        is_too_long = .false.
         before = 0
         do i = 0, n_shorter
             call try_length(self, system, cut**i*self%wished, self%t, trial)
@@ -541,11 +541,11 @@ contains
             if (is_interrupted()) return
             if (.not. is_known) cycle
             apart = maxval(rough/trial%asked)
-            is_unstable = apart < cut**4*before
-            if (is_unstable) return
+            is_too_long = apart < cut**4*before .or. (i > 0 .and. trial%part <= 1 .and. all(rough <= trial%allowed))
+            if (is_too_long) return
             before = apart
         end do
-    end subroutine look_for_instability
+    end subroutine look_for_shorter
 
     !> Is a step better than the others tried?
     subroutine consider(self, system, trial, is_better)

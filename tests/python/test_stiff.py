@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import linkdyn
 
+ROOT = Path(__file__).parents[2]
 INERTIA, STIFFNESS, DAMPING = 0.75, 4e6, 3e4    # rates of -133.8 and -39866 1/s
 TARGET = {"mean": 0.4, "amplitude": 0.3, "frequency": 2.0}
 
@@ -59,3 +63,13 @@ def test_start_off_the_slow_motion_is_followed() -> None:
     run, other = (led_bar().forward(t=t, method=method, rtol=1e-9, atol=1e-9) for method in ("seulex", "rk8pd"))
     assert abs(run.q.values - other.q.values).max() < 1e-8
     assert abs(run.qd.values - other.qd.values).max() < 1e-8 * abs(other.qd.values).max()
+
+
+def test_a_step_too_long_is_no_rounding() -> None:
+    """A toggle press that a constant force lets run through its kinks: copies of the first long step part, those of a quarter do not."""
+    scene = linkdyn.load(ROOT / "examples" / "toggle_clamp" / "scene.toml")
+    content = {key: value for key, value in tomllib.loads(scene.text).items() if key not in ("stop", "time")}
+    content["actuator"] = [{"joint": "nut", "law": {"type": "constant", "value": -7099.544968667589}}]
+    scene, t = linkdyn.Scene(content, folder=scene.folder), np.linspace(0, 0.6, 16)
+    run, other = (scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance) for method, tolerance in (("seulex", 1e-7), ("gbs", 1e-10)))
+    np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=1e-6)
