@@ -19,8 +19,8 @@ module linkdyn_forward
     use linkdyn_forward_kinks, only: next_kink, is_there_by
     use linkdyn_forward_phase, only: forward_options, plan_phase
     use linkdyn_forward_run, only: forward_run, finish_forward, passed_now
-    use linkdyn_forward_system, only: standing_lanes
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
+    use linkdyn_forward_system, only: standing_lanes
     use linkdyn_forward_words, only: coordinates_in_words, rounding_in_words
     use linkdyn_integrator, only: integrator_options, choose_method, check_options, method_name, default_method, method_rk4, &
         method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex

@@ -95,7 +95,7 @@ module linkdyn_inverse
         logical :: wants_distance = .false.  !! distance to the next singular position
         logical :: by_record = .true.        !! elimination by a record of the scene, where it has one; false: by lanes alone
         type(kernel_family), pointer :: family => null()    !! of models that share kernels; null: there is none
-        type(shared_places), pointer :: places => null()    !! of this model's solvers, which outlive them; null: there are none
+        type(shared_places), pointer :: places => null()    !! shared by this model's solvers, which it outlives; null: none are
     end type inverse_options
 
     !> Scratch of one thread.
