@@ -82,7 +82,8 @@ contains
         was_closed = self%clutch%is_closed
         must_slip = has_crossed .and. held .and. is_closed
         where (must_slip) self%clutch%loosened = spread(t, 2, size(held, 2))
-        ! What has broken loose at this instant does not hold again before anything has moved: others that do so then would hold in turn.
+        ! What has broken loose at this instant does not hold again before anything has moved: others that do so then would hold
+        ! in turn, without end.
         must_slip = must_slip .or. (is_closed .and. .not. held .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
                                     .and. self%clutch%loosened >= spread(t - 64*spacing(t), 2, size(held, 2)))
         is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)

@@ -176,8 +176,8 @@ contains
         end do
     end subroutine find_stop_responses
 
-    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart, and those that slipped
-    !> slip the way that it has left them. Those that it has brought to rest are told so by their guards.
+    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart, and those that
+    !> slipped slip the way that it has left them. Those that it has brought to rest are told so by their guards.
     subroutine loosen_clutches(self, t, y, y_before, is_struck)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)

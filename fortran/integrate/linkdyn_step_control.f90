@@ -520,8 +520,9 @@ contains
         self%step = self%wished
     end subroutine start_shorter
 
-    !> Is it not rates that are rough, but the step too long: for the method to be stable, or over kinks? Then, too, copies part, by what the
-    !> step makes of a last place, or of a kink; in a step of a quarter by far less, where rough rates leave a quarter, or not at all.
+    !> Is it not rates that are rough, but the step too long: for the method to be stable, or over kinks? Then, too, copies part, by
+    !> what the step makes of a last place, or of a kink; in a step of a quarter by far less, where rough rates leave a quarter, or
+    !> not at all.
     subroutine look_for_shorter(self, system, is_too_long)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
