@@ -27,6 +27,11 @@ contains
         memory%motors = self%motors
         memory%energy = self%energy
         memory%bounce = self%bounce
+        if (self%watch%is_on) then
+            memory%ratio = self%watch%ratio
+            memory%ratio_before = self%watch%before
+            memory%least_ratio = self%watch%least
+        end if
         memory%obstacle = self%obstacle
         memory%final_event = self%final_event
         memory%is_driven_through = self%is_driven_through
@@ -57,6 +62,11 @@ contains
         self%motors = memory%motors
         self%energy = memory%energy
         self%bounce = memory%bounce
+        if (self%watch%is_on) then
+            self%watch%ratio = memory%ratio
+            self%watch%before = memory%ratio_before
+            self%watch%least = memory%least_ratio
+        end if
         self%obstacle = memory%obstacle
         self%final_event = memory%final_event
         self%is_driven_through = memory%is_driven_through

@@ -170,6 +170,7 @@ module linkdyn_forward_system
         type(motor_states) :: motors
         type(energy_check) :: energy
         type(bounce_watch) :: bounce
+        real(wp), allocatable :: ratio(:, :), ratio_before(:, :), least_ratio(:)    !! of the watch
         integer :: obstacle(lanes) = sample_ok, final_event(lanes) = 0
         logical :: is_driven_through(lanes) = .false.
         type(event_log) :: log

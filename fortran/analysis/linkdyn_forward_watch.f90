@@ -41,7 +41,7 @@ contains
         leads_too_far = .false.
         if (self%bounce%is_on) leads_too_far = bounces_there(self, t)
         if (leads_too_far) return
-        if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
+        if (.not. self%watch%is_on) return
         accepted = self%watch%ratio
         call compare_there(self)
         leads_too_far = is_well_past(self%watch, accepted)

@@ -3,7 +3,11 @@
 !>
 !> The forces stay as they are during a step, as those of a controller with a hold do. Steps of the integrator end where
 !> the caller's do, and at the kinks of laws between; what it has learnt of their length it keeps.
+!>
+!> Callers know the scene's coordinates, so none is exchanged at its dead point, as forward runs do: there the simulation ends. It is watched
+!> all the same, or steps would lead over that point to a mechanism that was thrown back.
 module linkdyn_simulator
+    use linkdyn_coordinate_watch, only: prepare_watch, dead_coordinate
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
@@ -18,7 +22,7 @@ module linkdyn_simulator
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: quoted, to_text
     implicit none (type, external)
     private
     public :: simulator_type, simulator_state
@@ -93,6 +97,7 @@ contains
         self%system%lanes_are_one = .true.
         if (.not. status%is_ok()) return
         self%system%may_record = .true.
+        call prepare_watch(self%model, spread(.true., 1, self%model%n_q), self%system%watch)
         if (allocated(self%y)) deallocate (self%y)
         allocate (self%y(lanes, self%system%n), rate(lanes, self%system%n))
         call fill_start(self%model, self%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), self%y)
@@ -216,14 +221,20 @@ contains
         is_there = is_there .and. .not. any(self%integrator%failed)
     end subroutine go_to
 
-    !> Integrate to an instant at which a step ends.
+    !> Integrate to an instant at which a step ends. Near a dead point the integrator comes back after each step.
     subroutine advance_to(self, t, is_there)
         type(simulator_type), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
         logical, intent(out) :: is_there
         real(wp) :: y_end(lanes, self%system%n)
 
-        call self%integrator%advance(self%system, t, self%y, y_end, t_kink=t)
+        do
+            self%system%wants_rest = .false.
+            call self%integrator%advance(self%system, t, self%y, y_end, t_kink=t)
+            if (self%system%wants_rest .and. dead_coordinate(self%system%watch, .false.) > 0) self%integrator%failed = .true.
+            if (self%integrator%is_there .or. self%integrator%is_paused .or. any(self%integrator%failed) &
+                .or. .not. self%system%wants_rest) exit
+        end do
         is_there = self%integrator%is_there .and. .not. (any(self%integrator%failed) .or. self%integrator%is_lost)
     end subroutine advance_to
 
@@ -231,6 +242,7 @@ contains
         type(simulator_type), intent(inout) :: self
         type(status_type), intent(inout) :: status
         character(len=:), allocatable :: why
+        integer :: dead
 
         call hold_texts()
         select case (self%integrator%reason)
@@ -240,6 +252,11 @@ contains
             why = "more steps are needed than anyone would wait for"
         case default
             why = failure_at(self%model, self%system%workspace%state, self%system%obstacle(1), 1)
+            if (self%system%watch%is_on) then
+                dead = dead_coordinate(self%system%watch, .true.)
+                if (dead > 0) why = "coordinate "//quoted(self%model%scene%coordinate(dead)%name)//" comes to its dead point, " &
+                    //"where it turns back and the mechanism goes on (expected a coordinate that does not, or a forward run)"
+            end if
         end select
         call fail(status, status_bad_input, "the simulation cannot go on beyond t = "//to_text(self%integrator%good_until(1)) &
                   //" s: "//why)
