@@ -9,8 +9,7 @@ module linkdyn_inverse
         reached_straight, judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_contact_force, result_power_imbalance, &
-        result_friction, result_friction_power, result_position, &
-        result_joint_push
+        result_friction, result_friction_power, result_position, result_joint_push
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, free_condition, prepare_condition, &
         eliminate_block, &

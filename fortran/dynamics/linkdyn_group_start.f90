@@ -133,7 +133,8 @@ contains
         end do
     end function is_new
 
-    !> Do two attempts leave the group's links in the same places?
+    !> Do two attempts leave the group's links in the same places? (Contiguous, since gfortran 12 hands on parts of a strided array that has
+    !> another name as if it were.)
     pure logical function is_same(model, group, a, b)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group

@@ -19,8 +19,7 @@ UNREACHED = ("belt_drive", "cart_pole", "double_wishbone", "flyball_governor", "
              "stopped_rocker", "ball_joint")  # fewer drives than freedoms: nothing of them is swept
 SCENES = [path for folder, pattern in (("examples", "*/scene.toml"), ("tests/scenes", "*.toml"))
           for path in sorted((ROOT / folder).glob(pattern)) if not {path.stem, path.parent.name} & set(UNREACHED)]
-# of each feature that designs may share or not one scene: friction, gears, belts, motors, clutches, laws, payloads, a frame that moves,
-# cams, idle spins, screws, loops closed by iteration, reactions that are shared
+# friction, gears, belts, motors, laws, a frame that moves, cams, idle spins, screws, loops closed by iteration
 QUICK = ["delta", "hoist", "knuckle_press", "planetary_crank", "screw_lift", "shaper", "ship_hexapod", "thread_guide", "valve_train",
          "belt_arm", "slotted_lever"]
 CHANGE = 1.013
@@ -84,3 +83,19 @@ def test_shares_and_preloads() -> None:
     assert {"actuator[0].share", "actuator[1].preload"} <= {path for path, _, _ in numbers(content)}
     check_all_numbers(content, ROOT / "examples/fourbar")
 
+
+
+def test_what_no_scene_has() -> None:
+    """Payloads, clutches, soft stops of measures, springs by laws over these, a pin that rubs: on one mechanism."""
+    content = tomllib.loads((ROOT / "examples/fourbar/scene.toml").read_text()) | {
+        "payload": [{"on": "coupler.J5", "mass": 2.0, "inertia": 0.3}, {"on": "follower.J3", "mass": 1.5, "until": "9 s"}],
+        "clutch": [{"name": "rub", "joint": "J4", "capacity": 30.0},
+                   {"name": "tie", "joint": "J1", "to": "J4", "ratio": 0.7, "capacity": 12.0}],
+        "measures": {"height": {"marker": "coupler.J5", "component": "y"}, "gap": {"between": ["coupler.J5", "frame.J1"]}},
+        "stop": [{"name": "floor", "measure": "height", "min": 50.0, "stiffness": 1000.0, "damping": 10.0},
+                 {"name": "far", "measure": "gap", "max": 0.05, "stiffness": 800.0}],
+        "laws": {"pull": "3 N/m*height"},
+        "spring": [{"name": "air", "between": ["frame.J1", "coupler.J5"], "force": "pull"}],
+        "friction": [{"joint": "J3", "coulomb": 0.2, "radius": 0.03, "creep_speed": "1 mm/s"}],
+    }  # fmt: skip
+    assert check_all_numbers(content, ROOT / "examples/fourbar") > 30
