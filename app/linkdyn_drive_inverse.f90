@@ -5,6 +5,7 @@ module linkdyn_drive_inverse
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
+    use linkdyn_block_results, only: put_into_block
     use linkdyn_cli, only: command_line
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
@@ -14,13 +15,9 @@ module linkdyn_drive_inverse
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
-        samples_width, find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
-        result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
-        result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
-        result_friction, result_friction_power, result_transmission_force, &
-        result_contact_force, result_pressure_angle, result_strand_force, view_motor_loads, &
-        result_power_imbalance, result_driving_force_error, &
-        result_reaction_error, result_assembly, variable_index
+        samples_width, find_driving_power, view_motor_loads, flag_unsound, result_time, result_q, result_qd, result_qdd, &
+        result_driving_force, result_driving_speed, result_driving_power, result_joint_rate, result_transmission_force, &
+        result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: has_hard_stops, scene_type, put_file_first
@@ -45,8 +42,6 @@ module linkdyn_drive_inverse
     !> Values that are computed but not stored.
     type :: scratch_type
         real(wp), allocatable :: load(:, :, :)            !! (6, n_load, n)
-        real(wp), allocatable :: driving_force(:, :)      !! for the power, when it is not stored itself
-        real(wp), allocatable :: joint_rate(:, :)         !! likewise
         real(wp), allocatable :: nothing(:, :)            !! coordinates of a structure, which has none (0, n)
     end type scratch_type
 
@@ -168,7 +163,7 @@ contains
 
             n = min(length, n_sample)
             call prepare_block(layout, n, block)
-            call prepare_scratch(config, model, n, scratch)
+            call prepare_scratch(model, n, scratch)
             !$omp do schedule(dynamic, 1)
             do k = 1, n_group
                 call start_summary(layout, part(k))
@@ -217,16 +212,12 @@ contains
     end function width_of
 
     !> Room for what the run needs beside what it stores.
-    subroutine prepare_scratch(config, model, n, scratch)
-        type(command_line), intent(in) :: config
+    subroutine prepare_scratch(model, n, scratch)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n
         type(scratch_type), intent(out) :: scratch
 
         allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n))
-        if (.not. (config%wanted%power .or. (config%wanted%motor .and. size(model%motor) > 0))) return
-        if (.not. config%wanted%driving_force) allocate (scratch%driving_force(model%n_actuator, n))
-        if (.not. config%wanted%joint_variable) allocate (scratch%joint_rate(model%n_variable, n))
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
@@ -255,28 +246,11 @@ contains
         end if
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
-        call view_values(layout, result_status, n, block, results%status)
-        call view_values(layout, result_assembly, n, block, results%assembly)
-        call view_values(layout, result_driving_force, n, block, results%driving_force)
-        call view_values(layout, result_reaction, n, block, results%reaction)
-        call view_values(layout, result_joint_variable, n, block, results%joint_variable)
-        call view_values(layout, result_joint_rate, n, block, results%joint_rate)
-        call view_values(layout, result_friction, n, block, results%friction)
-        call view_values(layout, result_friction_power, n, block, results%friction_power)
-        call view_values(layout, result_transmission_force, n, block, results%transmission_force)
-        call view_values(layout, result_rcond, n, block, results%rcond)
-        call view_values(layout, result_singularity_distance, n, block, results%singularity_distance)
-        call view_values(layout, result_error, n, block, results%error)
-        call view_values(layout, result_driving_force_error, n, block, results%driving_force_error)
-        call view_values(layout, result_reaction_error, n, block, results%reaction_error)
-        call view_values(layout, result_growth, n, block, results%growth)
-        call view_values(layout, result_power_imbalance, n, block, results%power_imbalance)
-        call view_values(layout, result_transmission_angle, n, block, results%transmission_angle)
-        call view_values(layout, result_contact_force, n, block, results%contact_force)
-        call view_values(layout, result_pressure_angle, n, block, results%pressure_angle)
-        call view_values(layout, result_strand_force, n, block, results%strand_force)
-        if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
-        if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
+        call put_into_block(layout, n, block, [result_qdd, result_driving_speed], results)
+        if (associated(power) .or. results%wants(result_transmission_force)) then
+            call results%add(model, result_driving_force, n)
+            call results%add(model, result_joint_rate, n)
+        end if
         if (allocated(states%time)) then
             time = states%time(first:first + n - 1)
             q = states%q(:, first:first + n - 1)
@@ -294,8 +268,10 @@ contains
                               t=time)
         end if
         if (associated(power)) &
-            call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
-        call view_motor_loads(layout, results%driving_force, results%transmission_force, results%joint_rate, n, block)
+            call find_driving_power(layout, results%of(result_driving_force)%x, results%of(result_joint_rate)%x, speed, power)
+        call view_motor_loads(layout, results%of(result_driving_force)%x, results%of(result_transmission_force)%x, &
+                              results%of(result_joint_rate)%x, n, block)
+        call results%free()
         call flag_unsound(layout, n, block)
     end subroutine compute_block
 end module linkdyn_drive_inverse

@@ -6,6 +6,7 @@
 !> shared, so only ratios within one run mean much. `benchmarks/python/bench_inverse.py` adds the errors.
 program bench_inverse
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination
@@ -80,8 +81,8 @@ contains
                   reaction(model%n_component, model%n_joint, n_pose))
         t = [(model%scene%time%first + (i - 1)*(model%scene%time%last - model%scene%time%first)/(n_pose - 1), i=1, n_pose)]
         call evaluate_motion(model, t, q, qd, qdd, load)
-        results%driving_force => driving_force
-        if (wants_reactions) results%reaction => reaction
+        call results%put(result_driving_force, driving_force)
+        if (wants_reactions) call results%put(result_reaction, reaction)
 
         n_repeat = 1
         do while (seconds_of(model, planned, q, qd, qdd, load, results, n_repeat) < least_seconds)

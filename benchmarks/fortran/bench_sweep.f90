@@ -6,6 +6,7 @@
 !> on one thread, their ratio. Machines are shared: only the ratios mean much.
 program bench_sweep
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_input, only: read_file_text, folder_of
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
@@ -118,8 +119,8 @@ contains
                   reaction(model%n_component, model%n_joint, n_pose))
         t = [(model%scene%time%first + (i - 1)*(model%scene%time%last - model%scene%time%first)/(n_pose - 1), i=1, n_pose)]
         call evaluate_motion(model, t, q, qd, qdd, load)
-        results%driving_force => driving_force
-        if (wants_reactions) results%reaction => reaction
+        call results%put(result_driving_force, driving_force)
+        if (wants_reactions) call results%put(result_reaction, reaction)
         best = huge(1.0_wp)
         do k = 1, 8*n_pass
             call system_clock(start, rate)

@@ -9,6 +9,7 @@
 !> another phase. Results are told in the user's coordinates all the same.
 module linkdyn_forward
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_catalogue, only: result_joint_variable
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_clutch_states, only: clutch_states, state_open, state_slips, state_holds
@@ -222,7 +223,7 @@ contains
         t = instants
         n_done = 0
         if (run%is_over) return
-        if (associated(results%forces%joint_variable)) then
+        if (results%forces%wants(result_joint_variable)) then
             allocate (angle(run%own%n_variable, size(t)), source=0.0_wp)
             call run%system%count_joint_turns(run%own, run%integrator%t, run%y)
         end if

@@ -1,174 +1,285 @@
-!> Where the results of inverse dynamics go.
+!> Where the results of inverse dynamics go: a table by their numbers in the catalogue. Who computes them, keeps them or hands them on
+!> walks through the table; what one of them is need not be said again.
 module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
-        result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
-        result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power, &
-        result_transmission_force, result_contact_force, result_pressure_angle, result_strand_force
+    use linkdyn_catalogue, only: n_results, result_qdd, result_driving_force, result_reaction, result_joint_variable, &
+        result_joint_rate, result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, &
+        result_closure, result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, &
+        result_friction_power, result_transmission_force, result_contact_force, result_pressure_angle, result_strand_force, &
+        result_rcond, result_error, result_growth, result_driving_force_error, result_reaction_error, result_singularity_distance, &
+        needs_equations
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_roads, only: road_counts
-    use linkdyn_samples, only: result_list, add_target
+    use linkdyn_samples, only: result_list, result_target, add_target
+    use linkdyn_scene, only: guide_of
     use linkdyn_status, only: message_len
     implicit none (type, external)
     private
-    public :: inverse_results, part_of_results, list_results, clear_measures, make_undefined
+    public :: inverse_results, result_width, is_of_inverse, may_be_infinite
+    public :: wanted_ids, part_of_results, list_results, forces_beside, clear_measures, make_undefined
 
-    !> Where results go; what is not associated is not computed.
+    ! ---- results of inverse dynamics, all of real numbers
+    !> A record of the scene gives these.
+    integer, parameter :: by_record(20) = [ &
+        result_driving_force, result_transmission_force, result_reaction, result_joint_variable, result_joint_rate, &
+        result_driving_position, result_driving_speed, result_power_imbalance, result_transmission_angle, result_qdd, &
+        result_contact_force, result_pressure_angle, result_strand_force, result_kinetic_energy, result_potential_energy, &
+        result_closure, result_position, result_friction, result_friction_power, result_rotation]
+    !> What solvers tell of themselves; unknown is NaN.
+    integer, parameter :: of_solvers(3) = [result_rcond, result_error, result_growth]
+    !> Estimates; unknown is infinite.
+    integer, parameter :: estimates(2) = [result_driving_force_error, result_reaction_error]
+    integer, parameter :: of_inverse(*) = [by_record, of_solvers, estimates, result_singularity_distance]
+
+    !> Where results go; what has no place is not computed.
     type :: inverse_results
-        real(wp), pointer, contiguous :: driving_force(:, :) => null() !! (n_actuator, n) [N, N m]
-        real(wp), pointer, contiguous :: transmission_force(:, :) => null() !! (n_motor, n) what gets to the links [N, N m]
-        real(wp), pointer, contiguous :: reaction(:, :, :) => null() !! (n_component, n_joint, n) world axes [N, N m]
-        real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
-        real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
-        real(wp), pointer, contiguous :: driving_position(:, :) => null() !! (n_actuator, n) driven joint variables; coordinates count
-                                                                !! turns, other angles are within half a turn [m, rad]
-        real(wp), pointer, contiguous :: driving_speed(:, :) => null() !! (n_actuator, n) their rates
-        integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
-        integer, pointer, contiguous :: assembly(:) => null()   !! (n) one of `reached_*`
-        real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
-        real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
-        real(wp), pointer, contiguous :: driving_force_error(:, :) => null() !! (n_actuator, n) estimates [N, N m]
-        real(wp), pointer, contiguous :: reaction_error(:, :, :) => null() !! (n_component, n_joint, n) [N, N m]
-        real(wp), pointer, contiguous :: singularity_distance(:) => null() !! (n) [m]
-        real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
-        real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
-        real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
-        real(wp), pointer, contiguous :: contact_force(:, :) => null() !! (n_cam, n) with which follower and curve press [N]
-        real(wp), pointer, contiguous :: pressure_angle(:, :) => null() !! (n_cam, n) [rad]
-        real(wp), pointer, contiguous :: strand_force(:, :) => null() !! (2 n_belt, n) [N]
-        real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
-        real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
-        real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
+        type(result_target) :: of(n_results)                        !! each (values of a sample, n), by `result_*`
+        integer, pointer, contiguous :: status(:) => null()         !! (n) one of `sample_*`
+        integer, pointer, contiguous :: assembly(:) => null()       !! (n) one of `reached_*`
         real(wp), pointer, contiguous :: load(:, :, :) => null()    !! loads, with those that follow the state (6, n_load, n) [N, N m]
-        real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
-        real(wp), pointer, contiguous :: friction(:, :, :) => null() !! (n_component, n_joint, n) on the second link [N, N m]
-        real(wp), pointer, contiguous :: friction_power(:, :) => null() !! (n_joint, n) that it takes [W]
-        real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
-        real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
-        type(road_counts) :: roads                              !! of the samples
-        integer :: lost_sample = 0                              !! the first to which the assembly was not followed; 0: none
-        character(len=message_len) :: lost_in_words = ""        !! why
+        type(road_counts) :: roads                                  !! of the samples
+        integer :: lost_sample = 0                                  !! the first to which the assembly was not followed; 0: none
+        character(len=message_len) :: lost_in_words = ""            !! why
+    contains
+        procedure :: wants => wants_result
+        procedure :: at => result_at
+        procedure :: add => add_room
+        procedure :: free => free_rooms
+        procedure, private :: put_1, put_2, put_3, put_4
+        generic :: put => put_1, put_2, put_3, put_4
     end type inverse_results
 
 contains
+
+    ! ---------------------------------------------------------------- places
+
+    !> Is there a place for a result?
+    elemental logical function wants_result(self, id)
+        class(inverse_results), intent(in) :: self
+        integer, intent(in) :: id                      !! one of `result_*`
+
+        wants_result = associated(self%of(id)%x)
+    end function wants_result
+
+    !> Values of a result that has a place.
+    pure function result_at(self, id, sample) result(values)
+        class(inverse_results), intent(in) :: self
+        integer, intent(in) :: id                      !! one of `result_*`
+        integer, intent(in) :: sample
+        real(wp) :: values(size(self%of(id)%x, 1))
+
+        values = self%of(id)%x(:, sample)
+    end function result_at
+
+    !> Values of a sample, as the engine gives them; 0: the scene has none.
+    pure integer function result_width(model, id) result(width)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: id                      !! one of `result_*`
+
+        select case (id)
+        case (result_driving_force, result_driving_force_error, result_driving_position, result_driving_speed)
+            width = model%n_actuator
+        case (result_reaction, result_reaction_error)
+            width = model%n_component*model%n_joint
+        case (result_joint_variable, result_joint_rate)
+            width = model%n_variable
+        case (result_qdd)
+            width = model%n_q
+        case (result_transmission_force)
+            width = size(model%motor)
+        case (result_friction)
+            width = merge(model%n_component*model%n_joint, 0, size(model%contact) > 0)
+        case (result_friction_power)
+            width = merge(model%n_joint, 0, size(model%contact) > 0)
+        case (result_transmission_angle)
+            width = model%n_dyad
+        case (result_contact_force)
+            width = model%n_cam
+        case (result_pressure_angle)
+            width = merge(model%n_cam, 0, has_guides(model))
+        case (result_strand_force)
+            width = 2*size(model%belt)
+        case (result_position)
+            width = 3*model%n_link
+        case (result_rotation)
+            width = 9*model%n_link
+        case default
+            width = 1
+        end select
+    end function result_width
+
+    !> Is every follower of a cam guided?
+    pure logical function has_guides(model)
+        type(model_type), intent(in) :: model
+        integer :: j
+
+        has_guides = .true.
+        do j = 1, model%n_joint
+            if (model%joint(j)%cam > 0) has_guides = has_guides .and. guide_of(model%scene, j) > 0
+        end do
+    end function has_guides
+
+    !> Room of its own for a result, if it has no place yet: given back by `free`.
+    subroutine add_room(self, model, id, n)
+        class(inverse_results), intent(inout) :: self
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: id                      !! one of `result_*`
+        integer, intent(in) :: n                       !! samples
+
+        if (associated(self%of(id)%x)) return
+        allocate (self%of(id)%x(result_width(model, id), n))
+        self%of(id)%is_own = .true.
+    end subroutine add_room
+
+    !> Give back what `add` has made; all places are forgotten.
+    subroutine free_rooms(self)
+        class(inverse_results), intent(inout) :: self
+        integer :: id
+
+        do id = 1, n_results
+            if (self%of(id)%is_own) deallocate (self%of(id)%x)
+            nullify (self%of(id)%x)
+            self%of(id)%is_own = .false.
+        end do
+    end subroutine free_rooms
+
+    !> Let a result go into an array of the caller's, the sample last: it must be a target, and stay.
+    subroutine put_1(self, id, x)
+        class(inverse_results), intent(inout) :: self
+        integer, intent(in) :: id                      !! one of `result_*`
+        real(wp), intent(in), target, contiguous :: x(:)
+
+        self%of(id)%x(1:1, 1:size(x)) => x
+    end subroutine put_1
+
+    subroutine put_2(self, id, x)
+        class(inverse_results), intent(inout) :: self
+        integer, intent(in) :: id
+        real(wp), intent(in), target, contiguous :: x(:, :)
+
+        self%of(id)%x => x
+    end subroutine put_2
+
+    subroutine put_3(self, id, x)
+        class(inverse_results), intent(inout) :: self
+        integer, intent(in) :: id
+        real(wp), intent(in), target, contiguous :: x(:, :, :)
+
+        self%of(id)%x(1:size(x, 1)*size(x, 2), 1:size(x, 3)) => x
+    end subroutine put_3
+
+    subroutine put_4(self, id, x)
+        class(inverse_results), intent(inout) :: self
+        integer, intent(in) :: id
+        real(wp), intent(in), target, contiguous :: x(:, :, :, :)
+
+        self%of(id)%x(1:size(x, 1)*size(x, 2)*size(x, 3), 1:size(x, 4)) => x
+    end subroutine put_4
+
+    ! ---------------------------------------------------------------- all of them
+
+    !> Does inverse dynamics give a result itself?
+    pure logical function is_of_inverse(id)
+        integer, intent(in) :: id                      !! one of `result_*`
+
+        is_of_inverse = any(of_inverse == id)
+    end function is_of_inverse
+
+    !> The results that have places, those of a record first.
+    pure function wanted_ids(results) result(id)
+        type(inverse_results), intent(in) :: results
+        integer, allocatable :: id(:)                  !! `result_*`
+
+        id = pack(of_inverse, results%wants(of_inverse))
+    end function wanted_ids
 
     !> Results of some samples, as if there were no others.
     function part_of_results(whole, first, last) result(part)
         type(inverse_results), intent(in) :: whole
         integer, intent(in) :: first, last             !! samples
         type(inverse_results) :: part
+        integer :: i
 
-        if (associated(whole%driving_force)) part%driving_force => whole%driving_force(:, first:last)
-        if (associated(whole%transmission_force)) part%transmission_force => whole%transmission_force(:, first:last)
-        if (associated(whole%reaction)) part%reaction => whole%reaction(:, :, first:last)
-        if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
-        if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
-        if (associated(whole%driving_position)) part%driving_position => whole%driving_position(:, first:last)
-        if (associated(whole%driving_speed)) part%driving_speed => whole%driving_speed(:, first:last)
+        do i = 1, size(of_inverse)
+            associate (id => of_inverse(i))
+                if (whole%wants(id)) part%of(id)%x => whole%of(id)%x(:, first:last)
+            end associate
+        end do
         if (associated(whole%status)) part%status => whole%status(first:last)
         if (associated(whole%assembly)) part%assembly => whole%assembly(first:last)
-        if (associated(whole%rcond)) part%rcond => whole%rcond(first:last)
-        if (associated(whole%error)) part%error => whole%error(first:last)
-        if (associated(whole%driving_force_error)) part%driving_force_error => whole%driving_force_error(:, first:last)
-        if (associated(whole%reaction_error)) part%reaction_error => whole%reaction_error(:, :, first:last)
-        if (associated(whole%growth)) part%growth => whole%growth(first:last)
-        if (associated(whole%power_imbalance)) part%power_imbalance => whole%power_imbalance(first:last)
-        if (associated(whole%transmission_angle)) part%transmission_angle => whole%transmission_angle(:, first:last)
-        if (associated(whole%contact_force)) part%contact_force => whole%contact_force(:, first:last)
-        if (associated(whole%pressure_angle)) part%pressure_angle => whole%pressure_angle(:, first:last)
-        if (associated(whole%strand_force)) part%strand_force => whole%strand_force(:, first:last)
-        if (associated(whole%acceleration)) part%acceleration => whole%acceleration(:, first:last)
-        if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
-        if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
-        if (associated(whole%closure)) part%closure => whole%closure(first:last)
-        if (associated(whole%friction)) part%friction => whole%friction(:, :, first:last)
-        if (associated(whole%friction_power)) part%friction_power => whole%friction_power(:, first:last)
-        if (associated(whole%position)) part%position => whole%position(:, :, first:last)
-        if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
     end function part_of_results
 
-    !> A sample that failed has no forces, nor what follows from them or from a motion that is none.
+    !> A sample that failed has no forces, nor what follows from them or from a motion that is none. Where its links stand, and what is
+    !> known of the solution, is told all the same.
     subroutine make_undefined(results, sample)
         type(inverse_results), intent(inout) :: results
         integer, intent(in) :: sample
         real(wp) :: nan
+        integer :: i
 
         nan = ieee_value(1.0_wp, ieee_quiet_nan)
-        if (associated(results%driving_force)) results%driving_force(:, sample) = nan
-        if (associated(results%transmission_force)) results%transmission_force(:, sample) = nan
-        if (associated(results%reaction)) results%reaction(:, :, sample) = nan
-        if (associated(results%friction)) results%friction(:, :, sample) = nan
-        if (associated(results%friction_power)) results%friction_power(:, sample) = nan
-        if (associated(results%driving_force_error)) results%driving_force_error(:, sample) = nan
-        if (associated(results%reaction_error)) results%reaction_error(:, :, sample) = nan
-        if (associated(results%joint_variable)) results%joint_variable(:, sample) = nan
-        if (associated(results%joint_rate)) results%joint_rate(:, sample) = nan
-        if (associated(results%driving_position)) results%driving_position(:, sample) = nan
-        if (associated(results%driving_speed)) results%driving_speed(:, sample) = nan
-        if (associated(results%power_imbalance)) results%power_imbalance(sample) = nan
-        if (associated(results%transmission_angle)) results%transmission_angle(:, sample) = nan
-        if (associated(results%contact_force)) results%contact_force(:, sample) = nan
-        if (associated(results%pressure_angle)) results%pressure_angle(:, sample) = nan
-        if (associated(results%strand_force)) results%strand_force(:, sample) = nan
-        if (associated(results%acceleration)) results%acceleration(:, sample) = nan
-        if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = nan
-        if (associated(results%potential_energy)) results%potential_energy(sample) = nan
-        if (associated(results%closure)) results%closure(sample) = nan
+        do i = 1, size(of_inverse)
+            associate (id => of_inverse(i))
+                if (.not. results%wants(id) .or. stays(id)) cycle
+                results%of(id)%x(:, sample) = nan
+            end associate
+        end do
     end subroutine make_undefined
+
+    pure logical function stays(id)
+        integer, intent(in) :: id                      !! one of `result_*`
+
+        stays = any(id == [of_solvers, result_singularity_distance, result_position, result_rotation])
+    end function stays
+
+    !> May a sample that is well have a result that is no finite number?
+    pure logical function may_be_infinite(id)
+        integer, intent(in) :: id                      !! one of `result_*`
+
+        may_be_infinite = any(id == [of_solvers, estimates, result_singularity_distance])
+    end function may_be_infinite
 
     !> The results that a record of the scene can give, with their places.
     subroutine list_results(results, n, list)
         type(inverse_results), intent(in) :: results
         integer, intent(in) :: n                       !! samples
         type(result_list), intent(out) :: list
+        integer :: i
 
         list%status => results%status
-        if (associated(results%driving_force)) &
-            call add_target(list, result_driving_force, size(results%driving_force, 1), n, results%driving_force)
-        if (associated(results%transmission_force)) &
-            call add_target(list, result_transmission_force, size(results%transmission_force, 1), n, results%transmission_force)
-        if (associated(results%reaction)) &
-            call add_target(list, result_reaction, size(results%reaction, 1)*size(results%reaction, 2), n, results%reaction)
-        if (associated(results%joint_variable)) &
-            call add_target(list, result_joint_variable, size(results%joint_variable, 1), n, results%joint_variable)
-        if (associated(results%joint_rate)) &
-            call add_target(list, result_joint_rate, size(results%joint_rate, 1), n, results%joint_rate)
-        if (associated(results%driving_position)) &
-            call add_target(list, result_driving_position, size(results%driving_position, 1), n, results%driving_position)
-        if (associated(results%driving_speed)) &
-            call add_target(list, result_driving_speed, size(results%driving_speed, 1), n, results%driving_speed)
-        if (associated(results%power_imbalance)) call add_target(list, result_power_imbalance, 1, n, results%power_imbalance)
-        if (associated(results%transmission_angle)) &
-            call add_target(list, result_transmission_angle, size(results%transmission_angle, 1), n, results%transmission_angle)
-        if (associated(results%acceleration)) &
-            call add_target(list, result_qdd, size(results%acceleration, 1), n, results%acceleration)
-        if (associated(results%contact_force)) &
-            call add_target(list, result_contact_force, size(results%contact_force, 1), n, results%contact_force)
-        if (associated(results%pressure_angle)) &
-            call add_target(list, result_pressure_angle, size(results%pressure_angle, 1), n, results%pressure_angle)
-        if (associated(results%strand_force)) &
-            call add_target(list, result_strand_force, size(results%strand_force, 1), n, results%strand_force)
-        if (associated(results%kinetic_energy)) call add_target(list, result_kinetic_energy, 1, n, results%kinetic_energy)
-        if (associated(results%potential_energy)) call add_target(list, result_potential_energy, 1, n, results%potential_energy)
-        if (associated(results%closure)) call add_target(list, result_closure, 1, n, results%closure)
-        if (associated(results%position)) &
-            call add_target(list, result_position, 3*size(results%position, 2), n, results%position)
-        if (associated(results%friction)) &
-            call add_target(list, result_friction, size(results%friction, 1)*size(results%friction, 2), n, results%friction)
-        if (associated(results%friction_power)) &
-            call add_target(list, result_friction_power, size(results%friction_power, 1), n, results%friction_power)
-        if (associated(results%rotation)) &
-            call add_target(list, result_rotation, 9*size(results%rotation, 3), n, results%rotation)
+        do i = 1, size(by_record)
+            associate (id => by_record(i))
+                if (results%wants(id)) call add_target(list, id, size(results%of(id)%x, 1), n, results%of(id)%x)
+            end associate
+        end do
     end subroutine list_results
+
+    !> What is asked of the forces beside driving forces and accelerations.
+    pure function forces_beside(results) result(wanted)
+        type(inverse_results), intent(in) :: results
+        integer, allocatable :: wanted(:)              !! `result_*`
+
+        wanted = wanted_ids(results)
+        wanted = pack(wanted, needs_equations(wanted) .and. .not. is_unknown(wanted))
+
+    contains
+
+        !> Such unknowns the equations tell anyway.
+        elemental logical function is_unknown(id)
+            integer, intent(in) :: id
+
+            is_unknown = any(id == [result_qdd, result_driving_force, result_transmission_force])
+        end function is_unknown
+    end function forces_beside
 
     !> The elimination has neither condition numbers nor error bounds of its own.
     subroutine clear_measures(results)
         type(inverse_results), intent(inout) :: results
-        real(wp) :: nan
+        integer :: i
 
-        nan = ieee_value(1.0_wp, ieee_quiet_nan)
-        if (associated(results%rcond)) results%rcond = nan
-        if (associated(results%error)) results%error = nan
-        if (associated(results%growth)) results%growth = nan
+        do i = 1, size(of_solvers)
+            if (results%wants(of_solvers(i))) results%of(of_solvers(i))%x = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
     end subroutine clear_measures
 end module linkdyn_inverse_results

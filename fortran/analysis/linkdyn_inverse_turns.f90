@@ -1,5 +1,6 @@
 !> Turns of joint angles along a batch: at the mean of the rates from sample to sample, and where these do not tell, along the way.
 submodule (linkdyn_inverse) linkdyn_inverse_turns
+    use linkdyn_catalogue, only: result_joint_rate, result_joint_variable
     use linkdyn_assembly_trail, only: begin_trail, reached_anew
     use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
     implicit none (type, external)
@@ -152,8 +153,8 @@ contains
         qd = spread(to - from%q, 2, n + 1)
         qdd = 0
         load = 0
-        results%joint_variable(1:model%n_variable, 1:n + 1) => variable
-        results%joint_rate(1:model%n_variable, 1:n + 1) => rate
+        call results%put(result_joint_variable, variable)
+        call results%put(result_joint_rate, rate)
         results%status(1:n + 1) => status
         if (allocated(from%branch)) then
             call begin_trail(model, trail)

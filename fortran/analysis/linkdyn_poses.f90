@@ -1,5 +1,6 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
+    use linkdyn_catalogue, only: result_position, result_rotation
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, place_sample
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_solver, inverse_results, place_by_record
@@ -41,8 +42,8 @@ contains
         integer :: sample
 
         if (size(q, 2) == 0) return
-        results%position => position
-        results%rotation => rotation
+        call results%put(result_position, position)
+        call results%put(result_rotation, rotation)
         results%status => sample_status
         sample_status = sample_ok
         call place_by_record(model, solver, q, results, assembly, left, trail)

@@ -4,6 +4,7 @@
 !> quadruple twin, or with the most careful result of our own.
 module linkdyn_study
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
         finish_forward, method_name, method_rk4, method_rk8pd, method_gbs
@@ -125,9 +126,9 @@ contains
         if (.not. status%is_ok()) return
         allocate (reaction(model%n_component, model%n_joint, size(states%t)))
         reaction = 0
-        results%driving_force => force
+        call results%put(result_driving_force, force)
         results%status => outcome
-        if (solver /= solver_reduced) results%reaction => reaction
+        if (solver /= solver_reduced) call results%put(result_reaction, reaction)
         n_repeat = 1
         do
             call system_clock(start, rate)

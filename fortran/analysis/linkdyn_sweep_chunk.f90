@@ -6,6 +6,8 @@
 module linkdyn_sweep_chunk
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_catalogue, only: result_contact_force, result_driving_force, result_driving_position, result_driving_speed, &
+        result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, result_transmission_force
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared, part_of_results
     use linkdyn_kinds, only: wp
@@ -325,13 +327,13 @@ contains
             associate (first => row%quantity(k)%first + 1, last => row%quantity(k)%first + row%quantity(k)%n)
                 select case (row%quantity(k)%id)
                 case (quantity_joint_variable)
-                    value(first:last, :n) = of%joint_variable(:, :n)
+                    value(first:last, :n) = of%of(result_joint_variable)%x(:, :n)
                 case (quantity_joint_rate)
-                    value(first:last, :n) = of%joint_rate(:, :n)
+                    value(first:last, :n) = of%of(result_joint_rate)%x(:, :n)
                 case (quantity_driving_position)
-                    value(first:last, :n) = of%driving_position(:, :n)
+                    value(first:last, :n) = of%of(result_driving_position)%x(:, :n)
                 case (quantity_driving_speed)
-                    value(first:last, :n) = of%driving_speed(:, :n)
+                    value(first:last, :n) = of%of(result_driving_speed)%x(:, :n)
                 end select
             end associate
         end do
@@ -358,35 +360,34 @@ contains
         subroutine take_sample(id, s, value)
             integer, intent(in) :: id, s
             real(wp), intent(inout) :: value(:)
-            integer :: i, n_force, n_component
+            real(wp), pointer, contiguous :: wrench(:, :)    ! (component, joint)
+            integer :: i, n_force
 
-            associate (of => design%of_forces)
+            associate (of => design%of_forces%of)
+                n_force = merge(2, 3, design%model%is_planar)
+                if (design%of_forces%wants(result_reaction)) &
+                    wrench(1:design%model%n_component, 1:design%model%n_joint) => of(result_reaction)%x(:, s)
                 select case (id)
                 case (quantity_driving_force)
-                    value = of%driving_force(:, s)
+                    value = of(result_driving_force)%x(:, s)
                 case (quantity_driving_power)
-                    value = of%driving_force(:, s)*of%driving_speed(:, s)
+                    value = of(result_driving_force)%x(:, s)*of(result_driving_speed)%x(:, s)
                 case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
                       quantity_torque_margin)
                     value = motor_load(id, s)
                 case (quantity_contact_force)
-                    value = of%contact_force(:, s)
+                    value = of(result_contact_force)%x(:, s)
                 case (quantity_pressure_angle)
-                    value = of%pressure_angle(:, s)
+                    value = of(result_pressure_angle)%x(:, s)
                 case (quantity_reaction)
-                    n_component = size(of%reaction, 1)
-                    do i = 1, size(of%reaction, 2)
-                        value((i - 1)*n_component + 1:i*n_component) = of%reaction(:, i, s)
-                    end do
+                    value = of(result_reaction)%x(:, s)
                 case (quantity_reaction_force)
-                    n_force = merge(2, 3, design%model%is_planar)
                     do i = 1, size(value)
-                        value(i) = sqrt(sum(of%reaction(:n_force, i, s)**2))
+                        value(i) = sqrt(sum(wrench(:n_force, i)**2))
                     end do
                 case (quantity_reaction_moment)
-                    n_force = merge(2, 3, design%model%is_planar)
                     do i = 1, size(value)
-                        value(i) = sqrt(sum(of%reaction(n_force + 1:, i, s)**2))
+                        value(i) = sqrt(sum(wrench(n_force + 1:, i)**2))
                     end do
                 end select
             end associate
@@ -400,10 +401,10 @@ contains
             integer :: i
 
             do i = 1, size(load)
-                associate (of => design%of_forces, a => design%model%motor(i)%actuator, spec => design%model%scene%actuator)
-                    speed = spec(a)%motor%ratio*of%driving_speed(a, s)
-                    torque = motor_torque(spec(a)%motor, of%driving_force(a, s), of%transmission_force(i, s), &
-                                          of%driving_speed(a, s))
+                associate (of => design%of_forces%of, a => design%model%motor(i)%actuator, spec => design%model%scene%actuator)
+                    speed = spec(a)%motor%ratio*of(result_driving_speed)%x(a, s)
+                    torque = motor_torque(spec(a)%motor, of(result_driving_force)%x(a, s), of(result_transmission_force)%x(i, s), &
+                                          of(result_driving_speed)%x(a, s))
                     select case (id)
                     case (quantity_motor_torque)
                         load(i) = torque

@@ -1,6 +1,8 @@
 !> One design of a sweep, planned, with the scratch of one thread.
 module linkdyn_sweep_design
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_catalogue, only: result_contact_force, result_driving_force, result_driving_position, result_driving_speed, &
+        result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, result_transmission_force
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse
     use linkdyn_kinds, only: wp
@@ -218,16 +220,22 @@ contains
             if (.not. is_apart) call add_motion(row, model, n, design%of_forces)
             wants_motors = any(row%place([quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
                                           quantity_motor_current, quantity_torque_margin]) > 0)
-            if (wants_motors) allocate (design%of_forces%transmission_force(size(model%motor), n))
-            if ((row%place(quantity_driving_power) > 0 .or. wants_motors) .and. .not. associated(design%of_forces%driving_speed)) &
-                allocate (design%of_forces%driving_speed(model%n_actuator, n))
-            if (any(row%place([quantity_driving_force, quantity_driving_power]) > 0) .or. wants_motors) &
-                allocate (design%of_forces%driving_force(model%n_actuator, n))
-            if (any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0)) &
-                allocate (design%of_forces%reaction(model%n_component, model%n_joint, n))
-            if (row%place(quantity_contact_force) > 0) allocate (design%of_forces%contact_force(model%n_cam, n))
-            if (row%place(quantity_pressure_angle) > 0) allocate (design%of_forces%pressure_angle(model%n_cam, n))
+            call want(result_transmission_force, wants_motors)
+            call want(result_driving_speed, row%place(quantity_driving_power) > 0 .or. wants_motors)
+            call want(result_driving_force, any(row%place([quantity_driving_force, quantity_driving_power]) > 0) .or. wants_motors)
+            call want(result_reaction, any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0))
+            call want(result_contact_force, row%place(quantity_contact_force) > 0)
+            call want(result_pressure_angle, row%place(quantity_pressure_angle) > 0)
         end associate
+
+    contains
+
+        subroutine want(id, is_wanted)
+            integer, intent(in) :: id                   !! one of `result_*`
+            logical, intent(in) :: is_wanted
+
+            if (is_wanted) call design%of_forces%add(design%model, id, design%room)
+        end subroutine want
     end subroutine make_targets
 
     !> Room for joint variables and rates.
@@ -237,10 +245,10 @@ contains
         integer, intent(in) :: n                        !! samples
         type(inverse_results), intent(inout) :: results
 
-        if (row%place(quantity_joint_variable) > 0) allocate (results%joint_variable(model%n_variable, n))
-        if (row%place(quantity_joint_rate) > 0) allocate (results%joint_rate(model%n_variable, n))
-        if (row%place(quantity_driving_position) > 0) allocate (results%driving_position(model%n_actuator, n))
-        if (row%place(quantity_driving_speed) > 0) allocate (results%driving_speed(model%n_actuator, n))
+        if (row%place(quantity_joint_variable) > 0) call results%add(model, result_joint_variable, n)
+        if (row%place(quantity_joint_rate) > 0) call results%add(model, result_joint_rate, n)
+        if (row%place(quantity_driving_position) > 0) call results%add(model, result_driving_position, n)
+        if (row%place(quantity_driving_speed) > 0) call results%add(model, result_driving_speed, n)
     end subroutine add_motion
 
     !> Give everything back.
@@ -271,14 +279,6 @@ contains
         type(inverse_results), intent(inout) :: results
 
         if (associated(results%status)) deallocate (results%status)
-        if (associated(results%joint_variable)) deallocate (results%joint_variable)
-        if (associated(results%joint_rate)) deallocate (results%joint_rate)
-        if (associated(results%driving_position)) deallocate (results%driving_position)
-        if (associated(results%driving_speed)) deallocate (results%driving_speed)
-        if (associated(results%driving_force)) deallocate (results%driving_force)
-        if (associated(results%transmission_force)) deallocate (results%transmission_force)
-        if (associated(results%reaction)) deallocate (results%reaction)
-        if (associated(results%contact_force)) deallocate (results%contact_force)
-        if (associated(results%pressure_angle)) deallocate (results%pressure_angle)
+        call results%free()
     end subroutine free_targets
 end module linkdyn_sweep_design

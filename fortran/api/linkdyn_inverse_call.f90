@@ -6,6 +6,7 @@ module linkdyn_inverse_call
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_finite, only: all_are_finite
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared, solver_lapack
+    use linkdyn_inverse_results, only: result_width, is_of_inverse
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
@@ -19,7 +20,7 @@ module linkdyn_inverse_call
         result_strand_force, &
         find_motor_loads
     use linkdyn_roads, only: road_counts
-    use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits, guide_of
+    use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -64,45 +65,18 @@ contains
         integer, intent(in) :: id                        !! one of `room_id`
 
         select case (id)
-        case (result_driving_force, result_driving_speed, result_driving_power, result_driving_force_error)
+        case (result_driving_power)
             width = model%n_actuator
-        case (result_reaction, result_reaction_error)
-            width = model%n_component*model%n_joint
-        case (result_joint_variable, result_joint_rate)
-            width = model%n_variable
-        case (result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_transmission_loss)
+        case (result_motor_torque, result_motor_speed, result_motor_power, result_transmission_loss)
             width = size(model%motor)
         case (result_torque_margin)
             width = count(has_limits(model%scene%actuator%motor))
         case (result_motor_current)
             width = count(model%scene%actuator%motor%torque_constant > 0)
-        case (result_friction)
-            width = merge(model%n_component*model%n_joint, 0, size(model%contact) > 0)
-        case (result_friction_power)
-            width = merge(model%n_joint, 0, size(model%contact) > 0)
-        case (result_transmission_angle)
-            width = model%n_dyad
-        case (result_contact_force)
-            width = model%n_cam
-        case (result_pressure_angle)
-            width = merge(model%n_cam, 0, has_guides(model))
-        case (result_strand_force)
-            width = 2*size(model%belt)
         case default
-            width = 1
+            width = result_width(model, id)
         end select
     end function room_width
-
-    !> Is every follower of a cam guided?
-    pure logical function has_guides(model)
-        type(model_type), intent(in) :: model
-        integer :: j
-
-        has_guides = .true.
-        do j = 1, model%n_joint
-            if (model%joint(j)%cam > 0) has_guides = has_guides .and. guide_of(model%scene, j) > 0
-        end do
-    end function has_guides
 
     !> A batch. A sample that fails has its status, and NaN for results.
     !>
@@ -125,7 +99,6 @@ contains
         type(inverse_results) :: results
         type(inverse_options) :: own
         real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
-        real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :), own_transmission(:, :)
         integer :: n_given, i                            ! loads, as many as samples or one
 
         own = options
@@ -151,22 +124,12 @@ contains
             load3(1:6, 1:model%n_load, 1:n_given) => load
             results%status => sample_status
             call use_rooms(model, n, room, results)
-            if (any([(is_motor_load(room_id(i)) .and. is_wanted(room_id(i)), i=1, n_room)])) then
-                if (.not. associated(results%transmission_force)) then
-                    allocate (own_transmission(size(model%motor), n))
-                    results%transmission_force => own_transmission
-                end if
-            end if
+            if (any([(is_motor_load(room_id(i)) .and. is_wanted(room_id(i)), i=1, n_room)])) &
+                call results%add(model, result_transmission_force, n)
             if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed) &
-                .or. associated(results%transmission_force)) then
-                if (.not. associated(results%driving_force)) then
-                    allocate (own_force(model%n_actuator, n))
-                    results%driving_force => own_force
-                end if
-                if (.not. associated(results%joint_rate)) then
-                    allocate (own_rate(model%n_variable, n))
-                    results%joint_rate => own_rate
-                end if
+                .or. results%wants(result_transmission_force)) then
+                call results%add(model, result_driving_force, n)
+                call results%add(model, result_joint_rate, n)
             end if
             if (own%in_order) then
                 call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns, t=t)
@@ -178,7 +141,8 @@ contains
             report%lost_in_words = results%lost_in_words
             report%n_passed = trail%n_crossed
             if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) call give_power(model%n_actuator)
-            if (associated(results%transmission_force)) call give_motor_loads(size(model%motor))
+            if (results%wants(result_transmission_force)) call give_motor_loads(size(model%motor))
+            call results%free()
         end associate
 
     contains
@@ -199,7 +163,8 @@ contains
             if (.not. (is_wanted(result_driving_power) .and. is_wanted(result_driving_speed))) allocate (unwanted(n_actuator*n))
             call view(result_driving_speed, n_actuator, unwanted, speed2)
             call view(result_driving_power, n_actuator, unwanted, power2)
-            call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
+            call find_driving_power(scene%layout, results%of(result_driving_force)%x, results%of(result_joint_rate)%x, &
+                                    speed2, power2)
             if (all_are_finite(size(power2, kind=int64), power2)) return
             where (sample_status == sample_ok .and. .not. all(abs(power2) <= huge(1.0_c_double), dim=1)) &
                 sample_status = sample_undefined
@@ -211,8 +176,8 @@ contains
             real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), loss(:, :), of_constant(:, :)
 
             allocate (torque(n_motor, n), speed(n_motor, n), power(n_motor, n), loss(n_motor, n))
-            call find_motor_loads(scene%layout, results%driving_force, results%transmission_force, results%joint_rate, torque, &
-                                  speed, power, loss)
+            call find_motor_loads(scene%layout, results%of(result_driving_force)%x, results%of(result_transmission_force)%x, &
+                                  results%of(result_joint_rate)%x, torque, speed, power, loss)
             of_constant = spread(scene%layout%motor%torque_constant, 2, n)
             call give(result_motor_torque, torque)
             call give(result_motor_speed, speed)
@@ -262,45 +227,10 @@ contains
 
         do i = 1, n_room
             if (associated(room(i)%integer)) results%assembly => room(i)%integer    ! the only one
-            if (.not. associated(room(i)%real)) cycle
-            select case (room_id(i))
-            case (result_driving_force)
-                results%driving_force(1:model%n_actuator, 1:n) => room(i)%real
-            case (result_reaction)
-                results%reaction(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
-            case (result_joint_variable)
-                results%joint_variable(1:model%n_variable, 1:n) => room(i)%real
-            case (result_joint_rate)
-                results%joint_rate(1:model%n_variable, 1:n) => room(i)%real
-            case (result_power_imbalance)
-                results%power_imbalance => room(i)%real
-            case (result_rcond)
-                results%rcond => room(i)%real
-            case (result_singularity_distance)
-                results%singularity_distance => room(i)%real
-            case (result_error)
-                results%error => room(i)%real
-            case (result_driving_force_error)
-                results%driving_force_error(1:model%n_actuator, 1:n) => room(i)%real
-            case (result_reaction_error)
-                results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
-            case (result_transmission_angle)
-                results%transmission_angle(1:model%n_dyad, 1:n) => room(i)%real
-            case (result_contact_force)
-                results%contact_force(1:model%n_cam, 1:n) => room(i)%real
-            case (result_pressure_angle)
-                if (has_guides(model)) results%pressure_angle(1:model%n_cam, 1:n) => room(i)%real
-            case (result_strand_force)
-                if (size(model%belt) > 0) results%strand_force(1:2*size(model%belt), 1:n) => room(i)%real
-            case (result_transmission_force)
-                results%transmission_force(1:size(model%motor), 1:n) => room(i)%real
-            case (result_friction)
-                if (size(model%contact) > 0) results%friction(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
-            case (result_friction_power)
-                if (size(model%contact) > 0) results%friction_power(1:model%n_joint, 1:n) => room(i)%real
-            case (result_growth)
-                results%growth => room(i)%real
-            end select
+            associate (id => room_id(i), width => room_width(model, room_id(i)))
+                if (.not. associated(room(i)%real) .or. width == 0 .or. .not. is_of_inverse(id)) cycle
+                if (id /= result_driving_speed) results%of(id)%x(1:width, 1:n) => room(i)%real    ! that follows from the joints'
+            end associate
         end do
     end subroutine use_rooms
 

@@ -11,6 +11,7 @@ module linkdyn_samples
     !> Where the values of one result go.
     type :: result_target
         real(wp), pointer, contiguous :: x(:, :) => null()    !! (values of a sample, sample)
+        logical :: is_own = .false.                           !! made for this place
     end type result_target
 
     !> All results that are wanted of a batch.

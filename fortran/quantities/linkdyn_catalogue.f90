@@ -15,7 +15,7 @@ module linkdyn_catalogue
     use linkdyn_value, only: value, operator(+)
     implicit none (type, external)
     private
-    public :: quantity_values, needs_equations
+    public :: quantity_values, needs_equations, n_results
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -98,6 +98,7 @@ module linkdyn_catalogue
     integer, parameter :: result_clutch_force = 54
     integer, parameter :: result_clutch_slip = 55
     integer, parameter :: result_clutch_state = 56
+    integer, parameter :: n_results = 58                    !! the largest of these numbers
 
 contains
 

@@ -1,5 +1,7 @@
 !> Forward dynamics as equations: what inverse dynamics asks for, given back, must return the motion.
 module test_accelerations
+    use linkdyn_catalogue, only: result_closure, result_driving_force, result_joint_rate, result_joint_variable, &
+        result_power_imbalance, result_qdd, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: two_pi
     use linkdyn_equations, only: unknown_choice, build_equations, find_drives
@@ -75,8 +77,8 @@ contains
             allocate (case%q(m%n_q, n), case%qd(m%n_q, n), case%qdd(m%n_q, n), case%load(6, m%n_load, n), &
                       case%force(m%n_actuator, n), case%reaction(m%n_component, m%n_joint, n))
             call evaluate_motion(m, t, case%q, case%qd, case%qdd, case%load)
-            results%driving_force => case%force
-            results%reaction => case%reaction
+            call results%put(result_driving_force, case%force)
+            call results%put(result_reaction, case%reaction)
             call run_inverse(m, inverse_options(solver=solver_lapack), case%q, case%qd, case%qdd, case%load, results, status)
         end associate
         call check(error, status%is_ok(), trim(status%message))
@@ -115,9 +117,9 @@ contains
         call build_equations(case%model, solver, solver /= solver_reduced, forward%equations, status, unknown)
         call check(error, status%is_ok(), trim(status%message))
         if (.not. status%is_ok()) return
-        results%acceleration => qdd
-        results%driving_force => force
-        if (solver /= solver_reduced) results%reaction => reaction
+        call results%put(result_qdd, qdd)
+        call results%put(result_driving_force, force)
+        if (solver /= solver_reduced) call results%put(result_reaction, reaction)
         do k = 1, size(case%q, 2)
             given_qdd(:, k) = merge(0.0_wp, case%qdd(:, k), unknown%acceleration)
             given_force(:, k) = merge(0.0_wp, case%force(:, k), unknown%drive)
@@ -284,8 +286,8 @@ contains
         n = size(case%q, 2)
         allocate (gap(n), imbalance(n))
         allocate (zero(n), source=0.0_wp)
-        results%closure => gap
-        results%power_imbalance => imbalance
+        call results%put(result_closure, gap)
+        call results%put(result_power_imbalance, imbalance)
         call run_prepared(case%model, forward, 1, case%q, case%qd, 0*case%qdd, case%load, results, case%force)
         call forward%free()
         call check_close(error, gap, zero, 16*epsilon(1.0_wp), "closure [m]")
@@ -309,21 +311,21 @@ contains
         call make_case("rcsp_start", case, error)
         if (allocated(error%message)) return
         zero = 0
-        results%closure => gap
-        results%power_imbalance => imbalance
-        results%joint_variable => variable
-        results%joint_rate => rate
+        call results%put(result_closure, gap)
+        call results%put(result_power_imbalance, imbalance)
+        call results%put(result_joint_variable, variable)
+        call results%put(result_joint_rate, rate)
         call run_inverse(case%model, inverse_options(), case%q, case%qd, case%qdd, case%load, results, status)
         call check_close(error, gap, zero, 16*epsilon(1.0_wp), "closure")
         call check_close(error, imbalance, zero, tolerance, "power imbalance")
         call check(error, all(maxval(abs(rate), 2) > 0.1_wp), "the joints move")
-        nullify (results%closure, results%power_imbalance)
-        results%joint_variable => ahead
-        results%joint_rate => rate_ahead
+        nullify (results%of(result_closure)%x, results%of(result_power_imbalance)%x)
+        call results%put(result_joint_variable, ahead)
+        call results%put(result_joint_rate, rate_ahead)
         call run_inverse(case%model, inverse_options(), case%q + h*case%qd, case%qd + h*case%qdd, case%qdd, case%load, &
                          results, status)
-        results%joint_variable => behind
-        results%joint_rate => rate_behind
+        call results%put(result_joint_variable, behind)
+        call results%put(result_joint_rate, rate_behind)
         call run_inverse(case%model, inverse_options(), case%q - h*case%qd, case%qd - h*case%qdd, case%qdd, case%load, &
                          results, status)
         ahead = ahead - behind

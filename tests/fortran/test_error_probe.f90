@@ -1,6 +1,8 @@
 !> Error estimates: similar mechanisms have similar forces, estimates hold the solvers' differences, dead points say so.
 module test_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_catalogue, only: result_driving_force, result_driving_force_error, result_error, result_reaction, &
+        result_reaction_error
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_lapack, solver_elimination, &
         solver_gauss_jordan
@@ -101,12 +103,16 @@ contains
         integer, intent(in) :: solver
         type(run_type), intent(inout) :: run
         type(status_type) :: status
+        integer, parameter :: told(5) = [result_driving_force, result_driving_force_error, result_reaction, result_reaction_error, &
+                                         result_error]
+        integer :: i
 
         call release(run)
         associate (results => run%results)
-            allocate (results%driving_force(model%n_actuator, n), results%driving_force_error(model%n_actuator, n), &
-                      results%reaction(model%n_component, model%n_joint, n), results%error(n), &
-                      results%reaction_error(model%n_component, model%n_joint, n), results%status(n))
+            allocate (results%status(n))
+            do i = 1, size(told)
+                call results%add(model, told(i), n)
+            end do
             call run_inverse(model, inverse_options(solver=solver, wants_errors=.true.), run%q, run%qd, run%qdd, run%load, &
                              results, status)
         end associate
@@ -117,8 +123,8 @@ contains
         type(run_type), intent(inout) :: run
 
         if (.not. associated(run%results%status)) return
-        deallocate (run%results%driving_force, run%results%driving_force_error, run%results%reaction, &
-                    run%results%reaction_error, run%results%error, run%results%status)
+        deallocate (run%results%status)
+        call run%results%free()
     end subroutine release
 
     !> The forces of a mechanism 1.7 times the size are 1.7 times as large, moments its square.
@@ -128,6 +134,7 @@ contains
         type(model_type) :: model, similar
         type(run_type) :: one, other
         real(wp) :: tol
+        real(wp), allocatable :: wrench(:, :), scaled(:, :)
         integer :: s, i, k, n_force
 
         do s = 1, n_scene
@@ -151,15 +158,17 @@ contains
             do i = 1, n
                 ! Far above rounding, which these poses amplify by some thousands, and far below what a wrong power of
                 ! the scale does.
-                tol = 1.0e5_wp*eps*max(maxval(abs(one%results%reaction(:, :, i))), maxval(abs(one%results%driving_force(:, i))))
-                call check_close(error, other%results%reaction(:n_force, :, i)/scale, one%results%reaction(:n_force, :, i), &
+                tol = 1.0e5_wp*eps*maxval(abs([one%results%at(result_reaction, i), one%results%at(result_driving_force, i)]))
+                wrench = reshape(one%results%at(result_reaction, i), [model%n_component, model%n_joint])
+                scaled = reshape(other%results%at(result_reaction, i), shape(wrench))
+                call check_close(error, scaled(:n_force, :)/scale, wrench(:n_force, :), &
                                  tol, trim(scene_name(s))//": forces")
-                call check_close(error, other%results%reaction(n_force + 1:, :, i)/scale**2, &
-                                 one%results%reaction(n_force + 1:, :, i), tol, trim(scene_name(s))//": moments")
+                call check_close(error, scaled(n_force + 1:, :)/scale**2, wrench(n_force + 1:, :), tol, &
+                                 trim(scene_name(s))//": moments")
                 do k = 1, model%n_actuator
-                    call check_close(error, other%results%driving_force(k, i) &
+                    call check_close(error, other%results%of(result_driving_force)%x(k, i) &
                                      /drive_scale(model, k, scale), &
-                                     one%results%driving_force(k, i), tol, trim(scene_name(s))//": driving force")
+                                     one%results%of(result_driving_force)%x(k, i), tol, trim(scene_name(s))//": driving force")
                 end do
             end do
         end do
@@ -179,15 +188,30 @@ contains
             call solve(error, model, solver_elimination, one)
             call solve(error, model, solver_gauss_jordan, other)
             if (allocated(error%message)) return
-            call check(error, all(abs(one%results%driving_force - other%results%driving_force) &
-                                  <= one%results%driving_force_error + other%results%driving_force_error), &
+            call check(error, all(differences(result_driving_force) <= estimates(result_driving_force_error)), &
                        trim(scene_name(s))//": driving forces")
-            call check(error, all(abs(one%results%reaction - other%results%reaction) &
-                                  <= one%results%reaction_error + other%results%reaction_error), trim(scene_name(s))//": reactions")
+            call check(error, all(differences(result_reaction) <= estimates(result_reaction_error)), &
+                       trim(scene_name(s))//": reactions")
             ! Such poses lose six digits at most, and no force is known better than to the floor.
-            call check(error, all(one%results%error < 1.0e6_wp*eps), trim(scene_name(s))//": small")
-            call check(error, all(one%results%error >= eps), trim(scene_name(s))//": not zero")
+            call check(error, all(one%results%of(result_error)%x < 1.0e6_wp*eps), trim(scene_name(s))//": small")
+            call check(error, all(one%results%of(result_error)%x >= eps), trim(scene_name(s))//": not zero")
         end do
+
+    contains
+
+        function differences(id)
+            integer, intent(in) :: id                  !! one of `result_*`
+            real(wp), allocatable :: differences(:, :)
+
+            differences = abs(one%results%of(id)%x - other%results%of(id)%x)
+        end function differences
+
+        function estimates(id)
+            integer, intent(in) :: id                  !! one of `result_*`
+            real(wp), allocatable :: estimates(:, :)
+
+            estimates = one%results%of(id)%x + other%results%of(id)%x
+        end function estimates
     end subroutine test_solvers
 
     !> The batch turned round: the same estimates.
@@ -209,11 +233,13 @@ contains
             call solve(error, model, solver_elimination, other)
             if (allocated(error%message)) return
             ! A copy's last digits depend on the lane, and on how long neighbours keep an iteration going.
-            tol = 1.0e4_wp*eps*maxval(abs(one%results%reaction))
-            call check(error, all(abs(one%results%reaction_error - other%results%reaction_error(:, :, n:1:-1)) <= tol), &
+            tol = 1.0e4_wp*eps*maxval(abs(one%results%of(result_reaction)%x))
+            call check(error, all(abs(one%results%of(result_reaction_error)%x &
+                                      - other%results%of(result_reaction_error)%x(:, n:1:-1)) <= tol), &
                        trim(scene_name(s))//": reactions")
-            tol = 1.0e4_wp*eps*maxval(abs(one%results%driving_force))
-            call check(error, all(abs(one%results%driving_force_error - other%results%driving_force_error(:, n:1:-1)) <= tol), &
+            tol = 1.0e4_wp*eps*maxval(abs(one%results%of(result_driving_force)%x))
+            call check(error, all(abs(one%results%of(result_driving_force_error)%x &
+                                      - other%results%of(result_driving_force_error)%x(:, n:1:-1)) <= tol), &
                        trim(scene_name(s))//": driving forces")
         end do
     end subroutine test_alone
@@ -245,7 +271,8 @@ contains
         run%q = 1
         run%q(1, n) = (0.7_wp + 0.6_wp)*(1 - epsilon(1.0_wp))
         call solve(error, model, solver_elimination, run)
-        call check(error, all(run%results%error(:n - 1) < 1.0e4_wp*eps), "away from it the estimate is small")
-        if (run%results%status(n) == sample_ok) call check(error, run%results%error(n) > 0.01_wp, "no digits near full stretch")
+        call check(error, all(run%results%of(result_error)%x(1, :n - 1) < 1.0e4_wp*eps), "away from it the estimate is small")
+        if (run%results%status(n) == sample_ok) &
+            call check(error, run%results%of(result_error)%x(1, n) > 0.01_wp, "no digits near full stretch")
     end subroutine test_dead_point
 end module test_error_probe

@@ -1,5 +1,6 @@
 !> Forward runs against motions that are known: the scene's own, driven by what inverse dynamics asks for.
 module test_forward
+    use linkdyn_catalogue, only: result_closure, result_kinetic_energy, result_potential_energy, result_power_imbalance
     use linkdyn_builder, only: build_model
     use linkdyn_ensemble, only: run_ensemble
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &
@@ -119,10 +120,10 @@ contains
         model%scene%actuator%drive%kind = drive_constant
         model%scene%actuator%drive%value(1) = [3.0_wp, 4.0_wp, 5.0_wp, 3.0_wp, 4.0_wp, 5.0_wp]
         results%work => work
-        results%forces%kinetic_energy => kinetic
-        results%forces%potential_energy => potential
-        results%forces%closure => gap
-        results%forces%power_imbalance => imbalance
+        call results%forces%put(result_kinetic_energy, kinetic)
+        call results%forces%put(result_potential_energy, potential)
+        call results%forces%put(result_closure, gap)
+        call results%forces%put(result_power_imbalance, imbalance)
         call run_forward(model, forward_options(integrator=integrator_options(method=method_rk4, step=5.0e-4_wp)), &
                          [0.0_wp, 0.05_wp, 0.1_wp, 0.15_wp, 0.2_wp], results, run, status)
         call check(error, status%is_ok() .and. .not. run%has_stopped, trim(status%message)//trim(run%reason))

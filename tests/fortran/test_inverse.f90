@@ -1,6 +1,8 @@
 !> Inverse dynamics of batches: four solvers, Newton-Euler of every link, power, threads, failed and singular samples.
 module test_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_is_finite, ieee_value, ieee_quiet_nan
+    use linkdyn_catalogue, only: result_driving_force, result_error, result_growth, result_joint_rate, &
+        result_joint_variable, result_power_imbalance, result_rcond, result_reaction
     use linkdyn_alike_models, only: describe_alike
     use linkdyn_builder, only: build_model
     use linkdyn_cross, only: cross
@@ -120,7 +122,10 @@ contains
         logical, intent(in), optional :: reactions
         type(inverse_options) :: options
         type(status_type) :: status
+        integer, parameter :: told(8) = [result_driving_force, result_rcond, result_error, result_growth, &
+            result_power_imbalance, result_joint_variable, result_joint_rate, result_reaction]
         logical :: wants_reactions
+        integer :: i
 
         call release(results)
         wants_reactions = solver /= solver_reduced
@@ -128,10 +133,10 @@ contains
         options%solver = solver
         if (present(threads)) options%threads = threads
         associate (n => batch%n)
-            allocate (results%driving_force(model%n_actuator, n), results%status(n), results%rcond(n), results%error(n), &
-                      results%growth(n), results%power_imbalance(n), results%joint_variable(model%n_variable, n), &
-                      results%joint_rate(model%n_variable, n))
-            if (wants_reactions) allocate (results%reaction(6, model%n_joint, n))
+            allocate (results%status(n))
+            do i = 1, merge(size(told), size(told) - 1, wants_reactions)
+                call results%add(model, told(i), n)
+            end do
         end associate
         call run_inverse(model, options, batch%q, batch%qd, batch%qdd, batch%load, results, status)
         call check(error, status%is_ok(), trim(solver_name(solver))//": "//trim(status%message))
@@ -140,9 +145,8 @@ contains
     subroutine release(results)
         type(inverse_results), intent(inout) :: results
 
-        if (associated(results%driving_force)) deallocate (results%driving_force, results%status, results%rcond, &
-            results%error, results%growth, results%power_imbalance, results%joint_variable, results%joint_rate)
-        if (associated(results%reaction)) deallocate (results%reaction)
+        if (associated(results%status)) deallocate (results%status)
+        call results%free()
     end subroutine release
 
     !> The largest force or moment of a sample.
@@ -150,8 +154,8 @@ contains
         type(inverse_results), intent(in) :: results
         integer, intent(in) :: i
 
-        size_of = maxval(abs(results%driving_force(:, i)))
-        if (associated(results%reaction)) size_of = max(size_of, maxval(abs(results%reaction(:, :, i))))
+        size_of = maxval(abs(results%at(result_driving_force, i)))
+        if (results%wants(result_reaction)) size_of = max(size_of, maxval(abs(results%at(result_reaction, i))))
     end function size_of
 
     ! ---------------------------------------------------------------- solvers
@@ -170,8 +174,8 @@ contains
             call take_scene(error, s, model, batch)
             call solve(error, model, batch, solver_lapack, want)
             call check(error, all(want%status == sample_ok), trim(scene_name(s))//": all solved")
-            call check(error, all(want%rcond > 1.0e-8_wp), trim(scene_name(s))//": well-conditioned")
-            call check(error, all(want%error < 1000*eps/want%rcond), trim(scene_name(s))//": error bound")
+            call check(error, all(want%of(result_rcond)%x > 1.0e-8_wp), trim(scene_name(s))//": well-conditioned")
+            call check(error, all(want%of(result_error)%x < 1000*eps/want%of(result_rcond)%x), trim(scene_name(s))//": error bound")
             do k = 1, size(solvers)
                 what = trim(scene_name(s))//", "//trim(solver_name(solvers(k)))
                 call solve(error, model, batch, solvers(k), got)
@@ -179,10 +183,11 @@ contains
                 call check(error, all(got%status == sample_ok), what//": all solved")
                 if (solvers(k) == solver_elimination) call check(error, got%roads%dense == 0, what//": no fallback")
                 do i = 1, batch%n
-                    tol = 100*eps/want%rcond(i)*size_of(want, i)
-                    call check_close(error, got%driving_force(:, i), want%driving_force(:, i), tol, what//": driving force")
+                    tol = 100*eps/want%of(result_rcond)%x(1, i)*size_of(want, i)
+                    call check_close(error, got%at(result_driving_force, i), want%at(result_driving_force, i), tol, &
+                                     what//": driving force")
                     if (solvers(k) == solver_reduced) cycle
-                    call check_close(error, got%reaction(:, :, i), want%reaction(:, :, i), tol, what//": reaction")
+                    call check_close(error, got%at(result_reaction, i), want%at(result_reaction, i), tol, what//": reaction")
                 end do
             end do
         end do
@@ -204,8 +209,8 @@ contains
             if (allocated(error%message)) return
             call check(error, got%roads%dense == 0, "no fallback")
             do i = 1, batch%n
-                call check_close(error, got%driving_force(:, i), want%driving_force(:, i), &
-                                 100*eps/want%rcond(i)*size_of(want, i), trim(scene_name(s)))
+                call check_close(error, got%at(result_driving_force, i), want%at(result_driving_force, i), &
+                                 100*eps/want%of(result_rcond)%x(1, i)*size_of(want, i), trim(scene_name(s)))
             end do
         end do
         call release(want)
@@ -221,11 +226,11 @@ contains
         type(status_type) :: status
 
         call take_scene(error, 1, model, batch)
-        allocate (results%reaction(6, model%n_joint, batch%n))
+        call results%add(model, result_reaction, batch%n)
         options%solver = solver_reduced
         call run_inverse(model, options, batch%q, batch%qd, batch%qdd, batch%load, results, status)
         call check(error, status%code == status_bad_input .and. index(status%message, "reduced") > 0, "refused by name")
-        deallocate (results%reaction)
+        call results%free()
     end subroutine test_reduced_refusal
 
     ! ---------------------------------------------------------------- balance
@@ -264,6 +269,7 @@ contains
         type(kinematic_state) :: state
         real(wp), dimension(3, model%n_link) :: force, moment, cog
         real(wp) :: r(3, 3), omega(3), alpha(3), arm(3), h(3), at(3), f(3), m(3), largest
+        real(wp), allocatable :: wrench(:, :)
         integer :: l, j, k, o, side, link
 
         call prepare_kinematics(model, 0, state)
@@ -301,16 +307,17 @@ contains
             end associate
         end do
 
+        wrench = reshape(results%at(result_reaction, i), [6, model%n_joint])
         do j = 1, model%n_joint
             at = joint_point(model, state, j)
-            f = results%reaction(1:3, j, i)
-            m = results%reaction(4:6, j, i)
+            f = wrench(1:3, j)
+            m = wrench(4:6, j)
             do k = 1, model%n_actuator
                 associate (drive => model%scene%actuator(k))
                     if (drive%joint /= j) cycle
                     side = 1
                     if (model%joint(j)%kind == joint_universal) side = drive%variable
-                    arm = results%driving_force(k, i)*joint_axis(model, state, j, side)
+                    arm = results%of(result_driving_force)%x(k, i)*joint_axis(model, state, j, side)
                     if (model%joint(j)%kind == joint_prismatic .or. &
                         (model%joint(j)%kind == joint_cylindrical .and. drive%variable == 2)) then
                         f = f + arm
@@ -380,6 +387,7 @@ contains
         type(inverse_results) :: results
         type(kinematic_state) :: state
         real(wp) :: axis(3, 2), tol, f(3), m(3)
+        real(wp), allocatable :: wrench(:, :)
         character(len=:), allocatable :: name
         integer :: s, i, j
 
@@ -394,11 +402,12 @@ contains
                 state%qdd = 0
                 call evaluate_kinematics(model, state)
                 tol = 100*eps*size_of(results, i)
+                wrench = reshape(results%at(result_reaction, i), [6, model%n_joint])
                 do j = 1, model%n_joint
                     axis(:, 1) = joint_axis(model, state, j, 1)
                     axis(:, 2) = joint_axis(model, state, j, 2)
-                    f = results%reaction(1:3, j, i)
-                    m = results%reaction(4:6, j, i)
+                    f = wrench(1:3, j)
+                    m = wrench(4:6, j)
                     name = trim(model%joint(j)%name)
                     associate (kind => model%joint(j)%kind)
                         if (kind == joint_prismatic .or. kind == joint_cylindrical) &
@@ -427,7 +436,7 @@ contains
             do k = solver_gauss_jordan, solver_reduced
                 call solve(error, model, batch, k, results)
                 if (allocated(error%message)) return
-                call check_close(error, results%power_imbalance, spread(0.0_wp, 1, batch%n), 100*eps, &
+                call check_close(error, results%of(result_power_imbalance)%x(1, :), spread(0.0_wp, 1, batch%n), 100*eps, &
                                  trim(scene_name(s))//", "//trim(solver_name(k)))
             end do
         end do
@@ -445,8 +454,8 @@ contains
 
         call take_scene(error, 4, model, batch)
         call solve(error, model, batch, solver_elimination, results)
-        call check_close(error, results%joint_variable, batch%q, 100*eps, "variables are the coordinates")
-        call check_close(error, results%joint_rate, batch%qd, 200*eps, "rates are theirs")
+        call check_close(error, results%of(result_joint_variable)%x, batch%q, 100*eps, "variables are the coordinates")
+        call check_close(error, results%of(result_joint_rate)%x, batch%qd, 200*eps, "rates are theirs")
 
         call take_scene(error, 1, model, batch)
         call solve(error, model, batch, solver_elimination, results)
@@ -460,7 +469,8 @@ contains
             do k = 1, 6
                 span = batch%q(1:3, i) + matmul(r, platform_point(:, k)) - base_point(:, k)
                 ! Variables of a leg: two angles, the slide, three angles.
-                call check_close(error, results%joint_variable(6*k - 3, i), norm2(span), 50*eps, "length of leg "//to_text(k))
+                call check_close(error, results%of(result_joint_variable)%x(6*k - 3, i), norm2(span), 50*eps, &
+                                 "length of leg "//to_text(k))
             end do
         end do
         call release(results)
@@ -482,11 +492,11 @@ contains
             do threads = 2, 3
                 call solve(error, model, batch, k, got, threads=threads)
                 if (allocated(error%message)) return
-                call check_close(error, got%driving_force, want%driving_force, 0.0_wp, "driving force")
-                call check_close(error, got%power_imbalance, want%power_imbalance, 0.0_wp, "power")
-                call check_close(error, got%joint_rate, want%joint_rate, 0.0_wp, "joint rates")
-                if (k /= solver_reduced) call check_close(error, reshape(got%reaction, [size(got%reaction)]), &
-                                                          reshape(want%reaction, [size(want%reaction)]), 0.0_wp, "reaction")
+                call check_close(error, got%of(result_driving_force)%x, want%of(result_driving_force)%x, 0.0_wp, "driving force")
+                call check_close(error, got%of(result_power_imbalance)%x, want%of(result_power_imbalance)%x, 0.0_wp, "power")
+                call check_close(error, got%of(result_joint_rate)%x, want%of(result_joint_rate)%x, 0.0_wp, "joint rates")
+                if (k /= solver_reduced) call check_close(error, got%of(result_reaction)%x, &
+                                                          want%of(result_reaction)%x, 0.0_wp, "reaction")
                 call check(error, all(got%status == want%status), "status")
             end do
         end do
@@ -565,13 +575,16 @@ contains
             if (allocated(error%message)) return
             call check(error, got%status(k) /= sample_ok, what//": flagged")
             if (is_unreachable) call check(error, got%status(k) == sample_unreachable, what//": flagged as unreachable")
-            call check(error, all(ieee_is_nan(got%driving_force(:, k))), what//": driving forces are NaN")
-            if (associated(got%reaction)) call check(error, all(ieee_is_nan(got%reaction(:, :, k))), what//": reactions are NaN")
+            call check(error, all(ieee_is_nan(got%at(result_driving_force, k))), what//": driving forces are NaN")
+            if (got%wants(result_reaction)) call check(error, all(ieee_is_nan(got%at(result_reaction, k))), &
+                                                          what//": reactions are NaN")
             do i = 1, batch%n
                 if (i == k) cycle
                 call check(error, got%status(i) == want%status(i), what//": neighbours' status")
-                call check_close(error, got%driving_force(:, i), want%driving_force(:, i), 0.0_wp, what//": neighbours")
-                if (associated(got%reaction)) call check_close(error, got%reaction(:, :, i), want%reaction(:, :, i), 0.0_wp, &
+                call check_close(error, got%at(result_driving_force, i), want%at(result_driving_force, i), 0.0_wp, &
+                                 what//": neighbours")
+                if (got%wants(result_reaction)) &
+                    call check_close(error, got%at(result_reaction, i), want%at(result_reaction, i), 0.0_wp, &
                                                                what//": neighbours' reactions")
             end do
         end do
@@ -633,8 +646,8 @@ contains
         type(inverse_results), intent(in) :: results
         integer, intent(in) :: i
 
-        is_told = results%status(i) == sample_singular .or. results%rcond(i) < 1000*eps
-        if (.not. is_told .and. ieee_is_finite(results%growth(i))) is_told = size_of(results, i) > 1.0e-3_wp/eps
+        is_told = results%status(i) == sample_singular .or. results%of(result_rcond)%x(1, i) < 1000*eps
+        if (.not. is_told .and. ieee_is_finite(results%of(result_growth)%x(1, i))) is_told = size_of(results, i) > 1.0e-3_wp/eps
     end function is_told
 
     !> Closer and closer to the singular pose the forces grow without bound, but the elimination's stay as good as
@@ -659,10 +672,10 @@ contains
         call solve(error, model, batch, solver_elimination, got)
         do k = 1, batch%n
             call check(error, want%status(k) == sample_ok .and. got%status(k) == sample_ok, to_text(k)//": solved")
-            call check_close(error, got%driving_force(:, k), want%driving_force(:, k), &
-                             100*eps/want%rcond(k)*size_of(want, k), to_text(k)//": driving force")
-            call check_close(error, got%reaction(:, :, k), want%reaction(:, :, k), &
-                             100*eps/want%rcond(k)*size_of(want, k), to_text(k)//": reaction")
+            call check_close(error, got%at(result_driving_force, k), want%at(result_driving_force, k), &
+                             100*eps/want%of(result_rcond)%x(1, k)*size_of(want, k), to_text(k)//": driving force")
+            call check_close(error, got%at(result_reaction, k), want%at(result_reaction, k), &
+                             100*eps/want%of(result_rcond)%x(1, k)*size_of(want, k), to_text(k)//": reaction")
             if (allocated(error%message)) return
             rest = [unbalanced(model, batch, want, k), unbalanced(model, batch, got, k)]
             ! LAPACK leaves a few eps; fixed pivots may leave what they are allowed in a regular pose, and no more.
@@ -670,7 +683,7 @@ contains
                        //to_text(rest(1)/eps)//" eps")
         end do
         call check(error, size_of(want, 8) > 1.0e5_wp*size_of(want, 1), "the forces do grow")
-        call check(error, want%rcond(8) < 1.0e-5_wp*want%rcond(1), "and so does the condition")
+        call check(error, want%of(result_rcond)%x(1, 8) < 1.0e-5_wp*want%of(result_rcond)%x(1, 1), "and so does the condition")
         call release(want)
         call release(got)
     end subroutine test_near_singular

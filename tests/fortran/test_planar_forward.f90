@@ -1,5 +1,6 @@
 !> Forward runs in the plane, against motions that are known by other roads.
 module test_planar_forward
+    use linkdyn_catalogue, only: result_closure, result_kinetic_energy, result_potential_energy
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: pi
     use linkdyn_ensemble, only: run_ensemble
@@ -124,7 +125,7 @@ contains
         real(wp) :: want(1, 4), qd(1, 4), qdd(1, 4), load(6, model%n_load, 4)
 
         results%q => q
-        results%forces%closure => closure
+        call results%forces%put(result_closure, closure)
         call run_forward(model, forward_options(integrator=options), t, results, run, status)
         call check(error, status%is_ok() .and. .not. run%has_stopped, trim(status%message)//trim(run%reason))
         call evaluate_motion(model, t, want, qd, qdd, load)
@@ -198,8 +199,8 @@ contains
         call build_model(scene, model, status)
         results%q => q
         results%work => work
-        results%forces%kinetic_energy => kinetic
-        results%forces%potential_energy => potential
+        call results%forces%put(result_kinetic_energy, kinetic)
+        call results%forces%put(result_potential_energy, potential)
         if (status%is_ok()) call run_forward(model, forward_options( &
             integrator=integrator_options(method=method_rk4, step=step)), t, results, run, status)
         call check(error, status%is_ok() .and. .not. run%has_stopped, trim(status%message)//trim(run%reason))

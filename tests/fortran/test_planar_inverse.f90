@@ -1,6 +1,7 @@
 !> Planar inverse dynamics: published reactions, agreement of the solvers, power, assembly along a motion, refusals.
 module test_planar_inverse
     use, intrinsic :: iso_fortran_env, only: real64
+    use linkdyn_catalogue, only: result_driving_force, result_power_imbalance, result_reaction
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &
@@ -67,10 +68,10 @@ contains
         end associate
         options%solver = solver
         options%in_order = .true.
-        results%driving_force => run%force
+        call results%put(result_driving_force, run%force)
         results%status => run%status
-        results%power_imbalance => run%imbalance
-        if (solver /= solver_reduced) results%reaction => run%reaction
+        call results%put(result_power_imbalance, run%imbalance)
+        if (solver /= solver_reduced) call results%put(result_reaction, run%reaction)
         call run_inverse(run%model, options, q, qd, qdd, load, results, status)
         call check(error, status%is_ok(), trim(status%message))
         call check(error, all(run%status == sample_ok), name//": all samples are solved")
@@ -237,8 +238,8 @@ contains
         call check(error, status%is_ok(), trim(status%message))
         call check(error, size(model%step) == n + 1, "a crank and n dyads")
         q = 0.35_wp
-        results%power_imbalance => imbalance
-        results%driving_force => force
+        call results%put(result_power_imbalance, imbalance)
+        call results%put(result_driving_force, force)
         results%status => sample_status
         call run_inverse(model, options, q, 1 + 0*q, 0*q, load, results, status)
         call check(error, status%is_ok() .and. all(sample_status == sample_ok), "solved "//trim(status%message))

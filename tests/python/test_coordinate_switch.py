@@ -575,6 +575,17 @@ def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
     assert run.event_time.values[0] == pytest.approx(0.281655, abs=1e-6)
 
 
+def test_bodies_beside_an_exchange() -> None:
+    """What tumbles freely does so whatever coordinate stands in elsewhere: accelerations of its angles are those of the body alone."""
+    scene = tomllib.loads((SCENES / "tumbler_beside_fourbar.toml").read_text())
+    run = linkdyn.Scene(scene).forward(**TIGHT)
+    assert (run.stand_in.values != 0).any()
+    alone = {key: scene[key] for key in ("space", "gravity", "time")} | {"link": scene["link"][:1], "coordinate": scene["coordinate"][:1]}
+    body = linkdyn.Scene(alone).forward(**TIGHT)
+    assert np.abs(body.qdd).max() > 10
+    assert np.abs(run.qdd.values[:, :6] - body.qdd.values).max() < 1e-9
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
 @pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])

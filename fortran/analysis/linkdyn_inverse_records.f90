@@ -1,0 +1,369 @@
+!> Batches by the record of their scene: whether one is worth while, found or made, believed, run.
+submodule (linkdyn_inverse) linkdyn_inverse_records
+    use linkdyn_agreement, only: agreement, are_alike
+    use linkdyn_assembly_trail, only: judges_like_lanes
+    use linkdyn_base_motion, only: base_size, evaluate_base
+    use linkdyn_catalogue, only: result_driving_force, result_power_imbalance, result_position, result_rotation
+    use linkdyn_constants, only: golden, least_accuracy
+    use linkdyn_equations, only: build_given_equations
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, in_payload
+    use linkdyn_inverse_results, only: list_results, clear_measures
+    use linkdyn_lock, only: hold_records, release_records
+    use linkdyn_model, only: scene_size
+    use linkdyn_payloads, only: evaluate_payloads
+    use linkdyn_recorded_forces, only: record_forces, run_recorded
+    use linkdyn_recorded_margins, only: of_margins
+    use linkdyn_representatives, only: need_poses, make_closer, few_links
+    use linkdyn_samples, only: sample_arrays, result_list, set_block
+    use linkdyn_status, only: sample_singular
+    use linkdyn_uncertainty, only: is_surely_certain
+    implicit none (type, external)
+
+contains
+
+    !> Where links are, of a batch large enough for the scene's record, with a solver that was prepared for no forces. Samples `left` are
+    !> for the lanes, on their assembly. With a trail the samples follow each other.
+    module subroutine place_by_record(model, solver, q, results, assembly, left, trail)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in), contiguous :: q(:, :)             !! (n_q, n)
+        type(inverse_results), intent(inout) :: results         !! positions, rotations, status
+        type(sample_assembly), intent(out) :: assembly
+        integer, allocatable, intent(out) :: left(:)
+        type(assembly_trail), intent(inout), optional :: trail
+        type(recorded_forces), pointer :: recorded
+        type(recorded_margins), target :: by_record
+        class(margin_source), pointer :: margins
+        class(group_closer), pointer :: closer
+        real(wp) :: load(6, model%n_load, 1)
+        integer :: n, i, n_left
+
+        n = size(q, 2)
+        nullify (recorded, margins, closer)
+        if (is_worth_placing(model, n)) then
+            if (associated(solver%places%closing)) call need_closer(model, solver, q, closer)
+            call need_record(model, solver, results, q, recorded)
+            if (present(trail)) call need_margins(model, solver, q, by_record%record)
+            if (associated(by_record%record)) margins => by_record
+        end if
+        if (has_assemblies(model)) then
+            if (present(trail)) then
+                call follow_assembly(model, q, trail, assembly, margins, closer)
+            else if (associated(closer)) then
+                call settle_samples(model, 1, q, assembly, closer, solver%places%nodes)
+            else
+                call make_room(model, n, assembly)
+            end if
+        end if
+        if (associated(recorded)) then
+            load = 0
+            call run_by_record(model, recorded, 1, q, spread(spread(0.0_wp, 1, size(q, 1)), 2, n), &
+                               spread(spread(0.0_wp, 1, size(q, 1)), 2, n), load, assembly, results, n_left, left)
+            if (n_left == 0) allocate (left(0))
+        else
+            left = [(i, i=1, n)]
+        end if
+    end subroutine place_by_record
+
+    !> Of the time that lanes take to place that many samples about as much goes into making the programs.
+    pure logical function is_worth_placing(model, n)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n                               !! samples
+        integer, parameter :: worth_recording = 4096
+
+        is_worth_placing = n >= merge(worth_closing, worth_recording, size(model%group) > 0)
+    end function is_worth_placing
+
+    !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
+    !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
+    pure module logical function is_worth_recording(model, solver, n)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: n                               !! samples
+        integer, parameter :: samples_a_link = 50, worth_leading = 128
+        integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
+
+        is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
+                             .and. (size(model%group) == 0 .or. n >= worth_leading) &
+                             .and. (solver%equations%solver /= solver_reduced .or. n >= worth_tracing)
+    end function is_worth_recording
+
+    !> The record for the results wanted, made when they are wanted first; null if the scene has none.
+    recursive module subroutine need_record(model, solver, results, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(inverse_results), intent(in) :: results
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        type(result_list) :: list
+
+        call list_results(results, 0, list)
+        nullify (recorded)
+        if (list%n > 0) call find_or_make(model, solver, list%id(:list%n), q, recorded)
+    end subroutine need_record
+
+    !> The record of margins, by which a motion is followed; null if there is none.
+    recursive module subroutine need_margins(model, solver, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        integer, parameter :: many = 200                       !! samples: their lanes' time is about that of a trace
+
+        nullify (recorded)
+        if (model%n_branch > 0 .and. size(q, 2) >= many) &
+            call find_or_make(model, solver, of_margins, q, recorded)
+    end subroutine need_margins
+
+    recursive subroutine find_or_make(model, solver, wanted, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+
+        call hold_records()
+        recorded => solver%records%find(wanted)
+        if (.not. associated(recorded)) call make_record(model, solver, wanted, q, recorded)
+        call release_records()
+        if (.not. recorded%is_usable) nullify (recorded)
+    end subroutine find_or_make
+
+    !> Is there a record for some results of a scene that finds what the lanes find?
+    !>
+    !> **Errors**: as of `prepare_inverse`.
+    module subroutine look_for_record(model, wanted, is_there, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        logical, intent(out) :: is_there
+        type(status_type), intent(inout) :: status
+        type(inverse_solver) :: solver
+        type(recorded_forces), pointer :: recorded
+
+        is_there = .false.
+        call prepare_inverse(model, inverse_options(solver=solver_elimination), any(wanted == result_reaction), solver, status)
+        if (.not. status%is_ok()) return
+        call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), recorded)
+        is_there = associated(recorded)
+        call solver%free()
+    end subroutine look_for_record
+
+    !> Programs of Newton's steps, made when they are wanted first; null if a group has none.
+    module subroutine need_closer(model, solver, q, closer)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        class(group_closer), pointer, intent(out) :: closer
+
+        nullify (closer)
+        call hold_records()
+        if (.not. solver%places%closing%is_tried) call make_closer(model, q, solver%places%poses, solver%places%closing)
+        call release_records()
+        if (solver%places%closing%is_usable) closer => solver%places%closing
+    end subroutine need_closer
+
+    recursive subroutine make_record(model, solver, wanted, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        type(recorded_margins) :: margins
+
+        recorded => solver%records%add()
+        associate (poses => solver%places%poses)
+            call need_poses(model, q, poses)
+            call hold_texts()
+            call record_forces(model, wanted, poses%q, poses%stand, recorded, poses%assembly%place, &
+                               solver%equations%solver == solver_reduced)
+            call release_texts()
+            if (.not. recorded%is_usable) return
+            if (any(wanted == of_margins(1))) then
+                margins%record => recorded
+                recorded%is_usable = judges_like_lanes(model, margins, poses%q)
+            else
+                recorded%is_usable = agrees_with_lanes(model, solver, recorded, poses%q, poses%assembly)
+            end if
+        end associate
+    end subroutine make_record
+
+    !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
+    !> would be a defect, and the lanes are believed. Equations have both the same, so it is the motion that is looked at: by the balance of
+    !> power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by one, and places
+    !> where nothing else is wanted.
+    recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(recorded_forces), intent(in) :: recorded
+        real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
+        type(sample_assembly), intent(in) :: assembly          !! there
+        type(inverse_solver) :: by_lanes
+        type(inverse_results) :: found(2), balance
+        real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
+        integer, allocatable :: left(:)
+        type(agreement) :: of_both
+        integer, parameter :: told(4) = [result_position, result_rotation, result_driving_force, result_reaction]    ! and compared
+        integer :: i, k, n, n_left
+        logical :: by_power, by_places
+
+        n = size(pose, 2)
+        qd = reshape([(modulo(k*golden, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
+        qdd = reshape([(modulo(k*golden + 0.3_wp, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
+        allocate (load(6, model%n_load, n))
+        load = reshape([(modulo(k*golden + 0.7_wp, 1.0_wp) - 0.5_wp, k=1, size(load))], shape(load))
+        associate (time => model%scene%time)
+            t = [(time%first + modulo(k*golden, 1.0_wp)*(time%last - time%first), k=1, n)]
+        end associate
+        agrees = .true.
+        by_places = any(recorded%wanted == result_position)
+        if (.not. any(by_places .or. recorded%wanted == result_driving_force .or. recorded%wanted == result_reaction)) return
+        do i = 1, 2
+            allocate (found(i)%status(n))
+            do k = 1, size(told)
+                if (any(recorded%wanted == told(k))) call found(i)%add(model, told(k), n)
+            end do
+        end do
+        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left, t)
+        by_power = size(model%contact) == 0 .and. model%share%n == 0 .and. found(2)%wants(result_driving_force)
+        if (by_power) then
+            allocate (balance%status(n))
+            call balance%add(model, result_power_imbalance, n)
+            call build_given_equations(model, by_lanes%equations)
+            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, balance, found(2)%of(result_driving_force)%x, &
+                              known=assembly, t=t)
+            call free_equations(by_lanes%equations)
+            found(1)%status = balance%status
+        else
+            by_lanes%equations = solver%equations
+            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
+        end if
+        do i = 1, n
+            if (found(1)%status(i) /= sample_ok) cycle
+            if (n_left > 0) then
+                if (any(left == i)) cycle
+            end if
+            if (by_power) then
+                call of_both%note(abs(balance%of(result_power_imbalance)%x(1, i)) <= least_accuracy)
+            else if (by_places) then
+                call of_both%note(are_alike(place_of(found(1), i), place_of(found(2), i)))
+            else
+                call of_both%note(has_same_forces(i))
+            end if
+        end do
+        agrees = of_both%is_reached()
+        do i = 1, 2
+            deallocate (found(i)%status)
+            call found(i)%free()
+        end do
+        if (by_power) deallocate (balance%status)
+        call balance%free()
+
+    contains
+
+        logical function has_same_forces(i)
+            integer, intent(in) :: i                           !! sample
+
+            has_same_forces = has_same(result_driving_force, i)
+            if (has_same_forces) has_same_forces = has_same(result_reaction, i)
+        end function has_same_forces
+
+        logical function has_same(id, i)
+            integer, intent(in) :: id                          !! one of `result_*`
+            integer, intent(in) :: i                           !! sample
+
+            has_same = .true.
+            if (found(1)%wants(id)) has_same = are_alike(found(1)%of(id)%x(:, i), found(2)%of(id)%x(:, i))
+        end function has_same
+
+        !> Of all links, lengths by the mechanism's size.
+        function place_of(results, i) result(place)
+            type(inverse_results), intent(in) :: results
+            integer, intent(in) :: i                           !! sample
+            real(wp), allocatable :: place(:)
+
+            place = [results%of(result_position)%x(:, i)/scene_size(model), results%of(result_rotation)%x(:, i)]
+        end function place_of
+    end function agrees_with_lanes
+
+    !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
+    module subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
+        type(model_type), intent(in) :: model
+        type(recorded_forces), intent(in) :: recorded
+        integer, intent(in) :: threads
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n), or one for all
+        type(sample_assembly), intent(in), target :: assembly
+        type(inverse_results), intent(inout) :: results
+        integer, intent(out) :: n_left
+        integer, allocatable, intent(out) :: left(:)           !! absent if there are none
+        real(wp), intent(in), optional :: t(:)                 !! [s] (n), or one for all; absent: 0
+        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
+        type(sample_arrays) :: arrays
+        type(result_list) :: list
+        integer :: n
+
+        n = size(q, 2)
+        call set_block(arrays, in_q, size(q, 1), n, q)
+        call set_block(arrays, in_qd, size(q, 1), n, qd)
+        call set_block(arrays, in_qdd, size(q, 1), n, qdd)
+        if (size(model%scene%laws%law) > 0) then
+            allocate (with_laws(6, size(load, 2), n), pull(size(model%scene%spring), n))
+            if (present(t)) then
+                call evaluate_load_laws(model, threads, q, qd, t, load, assembly, with_laws, pull)
+            else
+                call evaluate_load_laws(model, threads, q, qd, [0.0_wp], load, assembly, with_laws, pull)
+            end if
+            call set_block(arrays, in_load, 6*size(load, 2), n, with_laws)
+            call set_block(arrays, in_pull, size(pull, 1), n, pull)
+        else
+            call set_block(arrays, in_load, 6*size(load, 2), size(load, 3), load)
+        end if
+        if (model%scene%base%moves) then
+            if (present(t)) then
+                allocate (base(base_size(model), size(t)))
+                call evaluate_base(model, t, base)
+            else
+                allocate (base(base_size(model), 1))
+                call evaluate_base(model, [0.0_wp], base)
+            end if
+            call set_block(arrays, in_base, size(base, 1), size(base, 2), base)
+        end if
+        if (size(model%payload) > 0) then
+            if (present(t)) then
+                allocate (payload(size(model%payload), size(t)))
+                call evaluate_payloads(model, t, payload)
+            else
+                allocate (payload(size(model%payload), 1))
+                call evaluate_payloads(model, [0.0_wp], payload)
+            end if
+            call set_block(arrays, in_payload, size(payload, 1), size(payload, 2), payload)
+        end if
+        call list_results(results, n, list)
+        call clear_measures(results)
+        if (recorded%needs_branches) &
+            call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
+        if (recorded%needs_places) then
+            call set_block(arrays, in_place, size(assembly%place, 1)*model%n_link, n, assembly%place)
+            call run_recorded(recorded, threads, n, arrays, status_for_record(model, assembly), list, n_left, left)
+        else if (recorded%needs_branches) then
+            call run_recorded(recorded, threads, n, arrays, assembly%status, list, n_left, left)
+        else
+            call run_recorded(recorded, threads, n, arrays, [sample_ok], list, n_left, left)
+        end if
+    end subroutine run_by_record
+
+    !> Samples at which a group is too near to a singular position for its motion to be surely certain are for the lanes, which
+    !> look closer.
+    pure function status_for_record(model, assembly) result(status)
+        type(model_type), intent(in) :: model
+        type(sample_assembly), intent(in) :: assembly
+        integer :: status(size(assembly%status))               !! one of `sample_*`
+        integer :: g
+
+        status = assembly%status
+        do g = 1, size(model%group)
+            where (status == sample_ok .and. .not. is_surely_certain(assembly%margin(g, :), size(model%group(g)%unit))) &
+                status = sample_singular
+        end do
+    end function status_for_record
+end submodule linkdyn_inverse_records
