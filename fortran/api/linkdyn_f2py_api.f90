@@ -6,7 +6,7 @@
 !> is not wanted, or empty, has one element: f2py refuses none.
 !> Kinds here are c_double and c_int only: f2py takes any other real kind for a C float.
 module linkdyn_f2py_api
-    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_intptr_t, c_loc
+    use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_intptr_t, c_loc, c_null_ptr
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assemblies, only: assembly_list, find_assemblies
     use linkdyn_assembly_trail, only: assembly_trail
@@ -26,7 +26,7 @@ module linkdyn_f2py_api
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
+    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, compute_inverse, check_size, &
         check_finite
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
@@ -37,13 +37,14 @@ module linkdyn_f2py_api
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
-    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free
+    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free, &
+        result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_scene_reader, only: check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_sweep_rounds, only: kept_width, most_kept
-    use linkdyn_text, only: printable
+    use linkdyn_text, only: printable, to_text
     use linkdyn_build, only: version
     use linkdyn_code, only: choose_code, code_in_use
     use linkdyn_watched_run, only: advance_watched, time_reached
@@ -52,7 +53,7 @@ module linkdyn_f2py_api
     public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads
-    public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
+    public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_keep_simulator, api_put_simulator_back, api_close_state
@@ -459,55 +460,37 @@ contains
         call report(status, code, message)
     end subroutine api_state_loads
 
-    !> Inverse dynamics of a batch.
-    subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
-            n_t, t, n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
-            n_distance, distance, n_error, error, &
-            n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            n_growth, growth, n_assembly, assembly, n_friction, friction, n_friction_power, friction_power, &
-            n_motor, transmission_force, motor_torque, motor_speed, motor_power, transmission_loss, n_current, motor_current, &
-            n_margin, torque_margin, n_contact, contact_force, n_pressure, pressure_angle, &
-            n_strand, strand_force, &
-            sample_status, roads, n_passed, lost_sample, lost_in_words, code, message)
+    !> Names of the results of inverse dynamics, in the order in which `api_inverse` takes their places.
+    subroutine api_result_names(names, n)
+        character(len=2048), intent(out) :: names          ! with blanks between them
+        integer(c_int), intent(out) :: n
+        integer :: i
+
+        names = ""
+        do i = 1, n_room
+            names = trim(names)//" "//room_name(i)
+        end do
+        n = n_room
+    end subroutine api_result_names
+
+    !> Inverse dynamics of a batch. Where results go is said by addresses, so that there may be any number of them.
+    subroutine api_inverse(handle, solver, threads, first, in_order, n_place, place, length, n, n_q_values, q, qd, qdd, &
+            n_load_values, load, n_t, t, sample_status, roads, n_passed, lost_sample, lost_in_words, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(20)           ! 1: driving force, power, reaction, joint variables, checks, rcond,
-                                                           ! distance, relative error, errors of driving forces, of
-                                                           ! reactions, transmission angles, growth, assembly, friction,
-                                                           ! motors, their currents, their margins, contact forces, pressure angles
-                                                           ! of cams, strands of belts
+        integer(c_int), intent(in) :: n_place
+        integer(c_intptr_t), intent(in) :: place(n_place)  ! of contiguous arrays of doubles, of integers for the assembly, that stay; 0: a
+                                                           ! result is not wanted
+        integer(c_intptr_t), intent(in) :: length(n_place) ! numbers for which each has room: values of a sample, times n
         integer(c_int), intent(in) :: n                    ! samples
-        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
-        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
-        integer(c_int), intent(in) :: n_assembly, n_t, n_friction, n_friction_power, n_motor, n_current, n_margin, &
-                                      n_contact, n_pressure, n_strand
+        integer(c_int), intent(in) :: n_q_values, n_load_values, n_t
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n); one of them: all
         real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
-        real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
-        real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
-        real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
-        real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: growth(n_growth), power_imbalance(n_check)      ! (n)
-        real(c_double), intent(inout), target :: rcond(n_rcond), distance(n_distance), error(n_error)  ! (n)
-        real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
-        real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
-        real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
-        real(c_double), intent(inout), target :: friction(n_friction)                            ! (n_component, n_joint, n)
-        real(c_double), intent(inout), target :: friction_power(n_friction_power)                ! (n_joint, n)
-        real(c_double), intent(inout), target :: transmission_force(n_motor), motor_torque(n_motor)  ! (n_motor, n)
-        real(c_double), intent(inout), target :: motor_speed(n_motor), motor_power(n_motor)      ! (n_motor, n)
-        real(c_double), intent(inout), target :: transmission_loss(n_motor)                      ! (n_motor, n)
-        real(c_double), intent(inout), target :: motor_current(n_current)                        ! (n_motor, n)
-        real(c_double), intent(inout), target :: torque_margin(n_margin)                         ! (n_motor, n)
-        real(c_double), intent(inout), target :: contact_force(n_contact), pressure_angle(n_pressure)  ! (n_cam, n)
-        real(c_double), intent(inout), target :: strand_force(n_strand)                          ! (2 n_belt, n)
-        integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
         integer(c_int), intent(out) :: n_passed            ! change points, where the samples follow each other
@@ -525,36 +508,14 @@ contains
         call start_listening()
         call take_scene(handle, scene, status)
         if (status%code == 0) call choose_solver(trim(solver), options%solver, status)
+        if (status%code == 0 .and. n_place /= n_room) call fail(status, status_bad_input, &
+            to_text(n_place)//" places are given (expected one for each of the "//to_text(n_room)//" results)")
         if (status%code == 0) then
             options%threads = threads
             options%in_order = in_order == 1
-            if (wanted(1) == 1) call offer(1, driving_force)
-            if (wanted(2) == 1) call offer(2, driving_speed)
-            if (wanted(2) == 1) call offer(3, driving_power)
-            if (wanted(3) == 1) call offer(4, reaction)
-            if (wanted(4) == 1) call offer(5, joint_variable)
-            if (wanted(4) == 1) call offer(6, joint_rate)
-            if (wanted(5) == 1) call offer(7, power_imbalance)
-            if (wanted(6) == 1) call offer(8, rcond)
-            if (wanted(7) == 1) call offer(9, distance)
-            if (wanted(8) == 1) call offer(10, error)
-            if (wanted(9) == 1) call offer(11, driving_force_error)
-            if (wanted(10) == 1) call offer(12, reaction_error)
-            if (wanted(11) == 1) call offer(13, transmission_angle)
-            if (wanted(12) == 1) call offer(14, growth)
-            if (wanted(13) == 1) room(15)%integer => assembly
-            if (wanted(14) == 1) call offer(16, friction)
-            if (wanted(14) == 1) call offer(17, friction_power)
-            if (wanted(15) == 1) call offer(18, transmission_force)
-            if (wanted(15) == 1) call offer(19, motor_torque)
-            if (wanted(15) == 1) call offer(20, motor_speed)
-            if (wanted(15) == 1) call offer(21, motor_power)
-            if (wanted(15) == 1) call offer(22, transmission_loss)
-            if (wanted(16) == 1) call offer(23, motor_current)
-            if (wanted(17) == 1) call offer(24, torque_margin)
-            if (wanted(18) == 1) call offer(25, contact_force)
-            if (wanted(19) == 1) call offer(26, pressure_angle)
-            if (wanted(20) == 1) call offer(27, strand_force)
+            do i = 1, n_room
+                if (place(i) /= 0) call open_room(place(i), length(i), room_id(i), room(i))
+            end do
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
                                  sample_status, found, status, t)
         end if
@@ -564,16 +525,20 @@ contains
         lost_in_words = found%lost_in_words
         call leave_scene(handle, scene)
         call report_heard(status, code, message)
-
-    contains
-
-        subroutine offer(place, values)
-            integer, intent(in) :: place
-            real(c_double), intent(in), target, contiguous :: values(:)
-
-            room(place)%real => values(:used(size(values), room_width(scene%model, room_id(place))))
-        end subroutine offer
     end subroutine api_inverse
+
+    !> Let a result go to an address.
+    subroutine open_room(address, length, id, room)
+        integer(c_intptr_t), intent(in) :: address, length
+        integer, intent(in) :: id                          ! one of `room_id`
+        type(room_type), intent(inout) :: room
+
+        if (id == result_assembly) then
+            call c_f_pointer(transfer(address, c_null_ptr), room%integer, [length])
+        else
+            call c_f_pointer(transfer(address, c_null_ptr), room%real, [length])
+        end if
+    end subroutine open_room
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
     subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, has_errors, t_start, t_end, &

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,32 +24,7 @@ _ERRORS: dict[int, type[LinkdynError]] = {
     UNAVAILABLE: UnavailableError,
     STALE_HANDLE: ClosedSceneError,
 }
-_GROUPS = (
-    ("driving_force",),
-    ("driving_speed", "driving_power"),
-    ("reaction",),
-    ("joint_variable", "joint_rate"),
-    ("power_imbalance",),
-    ("rcond",),
-    ("singularity_distance",),
-    ("error",),
-    ("driving_force_error",),
-    ("reaction_error",),
-    ("transmission_angle",),
-    ("growth",),
-    ("assembly",),
-    ("friction", "friction_power"),
-    ("transmission_force", "motor_torque", "motor_speed", "motor_power", "transmission_loss"),
-    ("motor_current",),
-    ("torque_margin",),
-    ("contact_force",),
-    ("pressure_angle",),
-    ("strand_force",),
-)
-"""Results that are computed together, in the engine's order."""
-_OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
-_NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
 _TEXT_BLOCK = 4_000_000
 """Letters of a table that are made at a time, at least a row."""
@@ -338,6 +314,13 @@ def state_loads(handle: int, in_order: bool, q: Floats, qd: Floats, t: Floats, n
     return load
 
 
+@cache
+def _result_names() -> tuple[str, ...]:
+    """Results of inverse dynamics, in the engine's order."""
+    names, _ = _api.api_result_names()
+    return tuple(names.decode().split())
+
+
 class Inverse:
     """Inverse dynamics of one kind: made ready once, run for many batches.
 
@@ -352,9 +335,7 @@ class Inverse:
     def __init__(self, handle: int, solver: str, names: Iterable[str]) -> None:
         names = set(names)
         self._handle, self._solver = handle, solver
-        self._wanted = np.array([group[0] in names for group in _GROUPS], dtype=np.intc)
-        self._nothing = [_NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
-        self._places = [(place, name) for place, name in enumerate(_OUTPUTS) if name in names]
+        self._names = [name if name in names else None for name in _result_names()]
 
     def run(
         self,
@@ -386,11 +367,11 @@ class Inverse:
         lost, why
             The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
         """
-        settings = (self._handle, self._solver, threads, first, int(in_order), self._wanted)
-        arrays: list[NDArray[Any]] = self._nothing.copy()
-        for place, name in self._places:
-            arrays[place] = _flat(outputs[name])
-        roads, passed, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
+        settings = (self._handle, self._solver, threads, first, int(in_order))
+        arrays = [None if name is None else outputs[name] for name in self._names]
+        places = np.array([0 if array is None else array.__array_interface__["data"][0] for array in arrays], dtype=np.intp)
+        lengths = np.array([0 if array is None else array.size for array in arrays], dtype=np.intp)
+        roads, passed, lost, why = _listen(_api.api_inverse, *settings, places, lengths, *map(_flat, inputs), outputs["status"])
         return roads, passed, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
 
 
