@@ -1,5 +1,6 @@
 !> Where welded links are at the start: of links that are one body, one start says it for all.
 module linkdyn_weld_starts
+    use linkdyn_constraint_rows, only: rotation_by
     use linkdyn_joint_table, only: joint_fixed
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -41,36 +42,11 @@ contains
 
         associate (joint => model%joint(j), link => model%scene%link)
             associate (start => link(joint%link(from))%start, new => link(joint%link(3 - from))%start)
-                known = rotation_of(start(4:))
+                known = rotation_by(start(4:))
                 r = matmul(matmul(known, joint%frame(:, :, from)), transpose(joint%frame(:, :, 3 - from)))
                 new(:3) = start(:3) + matmul(known, joint%point(:, from)) - matmul(r, joint%point(:, 3 - from))
                 new(4:) = [atan2(-r(2, 3), r(3, 3)), atan2(r(1, 3), norm2(r(2:, 3))), atan2(-r(1, 2), r(1, 1))]
             end associate
         end associate
     end subroutine place_welded
-
-    !> Rx(roll) Ry(pitch) Rz(yaw)
-    pure function rotation_of(angles) result(r)
-        real(wp), intent(in) :: angles(3)
-        real(wp) :: r(3, 3)
-
-        r = matmul(matmul(about(1), about(2)), about(3))
-
-    contains
-
-        pure function about(axis) result(turn)
-            integer, intent(in) :: axis
-            real(wp) :: turn(3, 3)
-            integer :: a, b
-
-            a = mod(axis, 3) + 1
-            b = mod(a, 3) + 1
-            turn = 0
-            turn(axis, axis) = 1
-            turn(a, a) = cos(angles(axis))
-            turn(b, b) = turn(a, a)
-            turn(b, a) = sin(angles(axis))
-            turn(a, b) = -turn(b, a)
-        end function about
-    end function rotation_of
 end module linkdyn_weld_starts

@@ -19,8 +19,8 @@ module linkdyn_constraint_rows
         joint_screw
     implicit none (type, external)
     private
-    public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, list_rows, joint_frame, any_turned_over
-    public :: joint_point
+    public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, close_near_start, list_rows, joint_frame
+    public :: joint_point, any_turned_over, rotation_by
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
@@ -62,13 +62,32 @@ module linkdyn_constraint_rows
 
 contains
 
+    !> The loop near the start of the scene: from where its links start, as far as it says so, else from where its joints do.
+    subroutine close_near_start(model, link, joint, loop, is_closed)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:), joint(:)
+        type(loop_type), intent(out) :: loop
+        logical, intent(out) :: is_closed
+
+        is_closed = .false.
+        if (any(model%scene%link(link)%has_start)) then
+            call make_loop(model, link, joint, loop, is_closed, by_links=.true.)
+            if (is_closed) call close_loop(model, loop, is_closed)
+            if (is_closed) is_closed = .not. any_turned_over(loop)
+        end if
+        if (is_closed) return
+        call make_loop(model, link, joint, loop, is_closed)
+        if (is_closed) call close_loop(model, loop, is_closed)
+    end subroutine close_near_start
+
     !> Place the bodies one behind the other, each by the first joint that leads to it.
-    subroutine make_loop(model, link, joint, loop, is_connected, variant)
+    subroutine make_loop(model, link, joint, loop, is_connected, variant, by_links)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)
         type(loop_type), intent(out) :: loop
         logical, intent(out) :: is_connected
         integer, intent(in), optional :: variant        !! of the ways to be off the start: 0 by a little, 1, 2, ... far off
+        logical, intent(in), optional :: by_links       !! links that have a start stand near it
         integer :: body(0:model%n_link), i, from, turn
         real(wp) :: off
         logical :: is_placed(0:size(link)), goes_on
@@ -92,6 +111,7 @@ contains
         loop%rotation(:, :, 0) = unit_matrix()
         is_placed = .false.
         is_placed(0) = .true.
+        if (present(by_links)) call place_at_starts(model, link, off, loop, is_placed(1:))
         do
             goes_on = .false.
             do i = 1, size(joint)
@@ -105,6 +125,28 @@ contains
         end do
         is_connected = all(is_placed)
     end subroutine make_loop
+
+    !> Links that have a start of their own.
+    subroutine place_at_starts(model, link, off, loop, is_placed)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:)
+        real(wp), intent(in) :: off                     !! [rad, scene sizes] how far off it at most
+        type(loop_type), intent(inout) :: loop
+        logical, intent(inout) :: is_placed(:)
+        real(wp) :: aside(6)
+        integer :: b
+
+        do b = 1, size(link)
+            associate (spec => model%scene%link(link(b)))
+                if (.not. spec%has_start) cycle
+                aside = off*[spread_out(2*b), spread_out(2*b + 1)]
+                if (model%is_planar) aside(3:5) = 0
+                loop%position(:, b) = spec%start(:3)/loop%size + aside(:3)
+                loop%rotation(:, :, b) = matmul(turn_by(aside(4:)), rotation_by(spec%start(4:)))
+                is_placed(b) = .true.
+            end associate
+        end do
+    end subroutine place_at_starts
 
     !> The bodies in which the wheels of gears turn.
     subroutine place_carriers(model, body, loop)
@@ -204,6 +246,31 @@ contains
 
         r = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
     end function unit_matrix
+
+    !> Rx(roll) Ry(pitch) Rz(yaw)
+    pure function rotation_by(angles) result(r)
+        real(wp), intent(in) :: angles(3)
+        real(wp) :: r(3, 3)
+
+        r = matmul(matmul(about(1), about(2)), about(3))
+
+    contains
+
+        pure function about(axis) result(turn)
+            integer, intent(in) :: axis
+            real(wp) :: turn(3, 3)
+            integer :: a, b
+
+            a = mod(axis, 3) + 1
+            b = mod(a, 3) + 1
+            turn = 0
+            turn(axis, axis) = 1
+            turn(a, a) = cos(angles(axis))
+            turn(b, b) = turn(a, a)
+            turn(b, a) = sin(angles(axis))
+            turn(a, b) = -turn(b, a)
+        end function about
+    end function rotation_by
 
     !> The rotation by a rotation vector (Rodrigues).
     pure function turn_by(v) result(r)

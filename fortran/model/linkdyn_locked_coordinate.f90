@@ -4,7 +4,7 @@
 !> Counting takes such a mechanism for one that its coordinates lead, and with them given no start ever closes. Here the joints
 !> alone are closed, without coordinates (`linkdyn_constraint_rows`), and it is asked how the motions that they leave move each.
 module linkdyn_locked_coordinate
-    use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, list_rows
+    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: variable_axis, is_slide
     use linkdyn_kinds, only: wp
@@ -35,8 +35,7 @@ contains
         locked = 0
         follows = .false.
         if (model%n_link > most_links) return
-        call make_loop(model, [(i, i=1, model%n_link)], [(i, i=1, model%n_joint)], loop, is_closed)
-        if (is_closed) call close_loop(model, loop, is_closed)
+        call close_near_start(model, [(i, i=1, model%n_link)], [(i, i=1, model%n_joint)], loop, is_closed)
         if (.not. is_closed) return
         call list_rows(model, loop, rows)
         call find_null_space(transpose(rows%row(:, :rows%n)), hardly_new, motion)

@@ -4,7 +4,7 @@
 !> (`linkdyn_constraint_rows`) and builds an orthonormal basis of the constraint rows in the order of the joints: a row that lies in
 !> the span of those before it is redundant.
 module linkdyn_redundancy
-    use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, list_rows, of_force, of_moment, across, along
+    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows, of_force, of_moment, across, along
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, holds_spin
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
@@ -40,8 +40,7 @@ contains
         logical, allocatable :: is_redundant(:)
 
         if (size(link) > most_links) return
-        call make_loop(model, link, joint, loop, found%is_known)
-        if (found%is_known) call close_loop(model, loop, found%is_known)
+        call close_near_start(model, link, joint, loop, found%is_known)
         if (.not. found%is_known) return
         call list_rows(model, loop, rows)
         is_redundant = redundant_rows(rows)

@@ -20,8 +20,8 @@
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
 module linkdyn_release
     use linkdyn_constants, only: pi
-    use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, list_rows, joint_frame, any_turned_over, &
-        of_force, of_moment
+    use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, close_near_start, list_rows, joint_frame, &
+        any_turned_over, of_force, of_moment
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: find_redundant_gears
     use linkdyn_elastic_links, only: list_arm_parts
@@ -163,9 +163,12 @@ contains
         allocate (pose(0))
         joint = pack([(i, i=1, model%n_joint)], model%joint(:model%n_joint)%cam == 0)
         do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
-            call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
-            if (is_closed .and. p == 1) call close_loop(model, here%loop, is_closed)
-            if (is_closed .and. p > 1) call close_loop(model, here%loop, is_closed, most=few_steps)
+            if (p == 1) then
+                call close_near_start(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed)
+            else
+                call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
+                if (is_closed) call close_loop(model, here%loop, is_closed, most=few_steps)
+            end if
             if (is_closed) is_closed = .not. any_turned_over(here%loop)
             if (p == 1 .and. .not. is_closed) return
             if (.not. is_closed) cycle

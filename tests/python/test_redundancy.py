@@ -458,6 +458,30 @@ def test_two_rods_side_by_side() -> None:
             np.testing.assert_allclose(both.reaction.sel(joint=name, component=plane).values, whole / 2, rtol=0, atol=1e-11 * np.abs(whole).max())
 
 
+def test_a_schmidt_coupling_by_the_starts_of_its_links() -> None:
+    """Two rows of three parallel links between discs that are offset, one link of each row too many. Only the links' starts say that they are parallel
+    and not crossed; the shafts turn alike, the middle disc with them about a point at rest, links go round in circles without turning."""
+    lower, upper, radius, mass = np.array([0.05, 0.04]), np.array([-0.02, 0.07]), 0.2, 0.4
+    spots = [list(radius * np.array([np.cos(a), np.sin(a)])) for a in 0.3 + 2 * np.pi / 3 * np.arange(3)]
+    pins = {f"P{i}": spot for i, spot in enumerate(spots)}
+    scene: dict[str, Any] = {"space": "planar", "frame": {"markers": {"A": [0.0, 0.0], "B": list(lower + upper)}}, "link": [], "joint": []}
+    for name, centre, inertia in (("first", [0.0, 0.0], 0.01), ("middle", list(lower), 0.02), ("last", list(lower + upper), 0.03)):
+        scene["link"].append({"name": name, "mass": 1.0, "inertia": inertia, "markers": {"O": [0.0, 0.0], **pins}, "start": {"position": centre}})
+    for row, (way, offset, discs) in enumerate(((lower, [0.0, 0.0], ["first", "middle"]), (upper, list(lower), ["middle", "last"]))):
+        for i, spot in enumerate(spots):
+            name = f"link{row}{i}"
+            scene["link"].append({"name": name, "mass": mass, "inertia": 0.001, "markers": {"O": [0.0, 0.0], "T": list(way)},
+                                  "start": {"position": list(np.add(offset, spot))}})
+            scene["joint"] += [{"name": f"{name}.O", "type": "revolute", "between": [f"{discs[0]}.P{i}", f"{name}.O"]},
+                               {"name": f"{name}.T", "type": "revolute", "between": [f"{name}.T", f"{discs[1]}.P{i}"]}]
+    scene["joint"] += [{"name": "A", "type": "revolute", "between": ["frame.A", "first.O"]}, {"name": "B", "type": "revolute", "between": ["frame.B", "last.O"]}]
+    scene |= {"coordinate": [{"joint": "A"}], "actuator": [{"joint": "A"}], "load": [{"on": "last.O", "moment": 2.5}]}
+    run = linkdyn.Scene(scene).inverse(q=[[0.0], [0.2], [-0.3]], qd=[[1.0]] * 3, qdd=[[0.7]] * 3, want=["driving_force", "joint_variable"])
+    assert not run.status.values.any()
+    np.testing.assert_allclose(run.joint_variable.sel(variable="B.angle").values, [0.0, 0.2, -0.3], atol=1e-13)
+    np.testing.assert_allclose(run.driving_force.values[:, 0], (0.06 + 6 * mass * radius**2) * 0.7 - 2.5, rtol=1e-12)
+
+
 def test_drives_without_a_condition() -> None:
     scene, *_ = eight_legs()
     q = np.array([[0, 0, 0.6, 0, 0, 0.1]])
