@@ -95,18 +95,32 @@ contains
         real(wp) :: start(place_size(model), model%n_link)
         integer :: i
 
-        assembly%branch = spread(model%branch, 2, n)
+        call allocate_room(model, n, assembly)
+        do i = 1, n
+            assembly%branch(:, i) = model%branch
+        end do
+        if (size(model%group) == 0) return
+        start = start_places(model)
+        do i = 1, n
+            assembly%q(:, i) = model%start_q
+            assembly%place(:, :, i) = start
+            assembly%margin(:, i) = 0
+        end do
+    end subroutine make_room
+
+    !> The same for samples of which each is given its assembly.
+    subroutine allocate_room(model, n, assembly)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(sample_assembly), intent(out) :: assembly
+
+        allocate (assembly%branch(size(model%branch), n))
         allocate (assembly%status(n), source=sample_ok)
         allocate (assembly%reached(n), source=reached_straight)
         if (size(model%group) == 0) return
-        assembly%q = spread(model%start_q, 2, n)
-        start = start_places(model)
-        allocate (assembly%place(size(start, 1), size(start, 2), n))
-        do i = 1, n
-            assembly%place(:, :, i) = start
-        end do
-        allocate (assembly%margin(size(model%group), n), source=0.0_wp)
-    end subroutine make_room
+        allocate (assembly%q(model%n_q, n), assembly%margin(size(model%group), n))
+        allocate (assembly%place(place_size(model), model%n_link, n))
+    end subroutine allocate_room
 
     !> Places of the groups' links at the start; zero for other links.
     pure function start_places(model) result(place)
@@ -172,14 +186,18 @@ contains
         class(margin_source), pointer, intent(in), optional :: margins    !! of closed forms, at many places at once
         class(group_closer), pointer, intent(in), optional :: closer      !! makes the groups' steps; null or absent: nobody else
         class(margin_source), pointer :: forms
+        type(stride_type) :: scratch
         integer, parameter :: shortest = 64          !! samples of a stride
         integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
         integer :: n_done, goal, n, stride, longest
         logical :: strides
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
-        call make_room(model, size(q, 2), assembly)
-        if (.not. trail%is_needed) return
+        if (.not. trail%is_needed) then
+            call make_room(model, size(q, 2), assembly)
+            return
+        end if
+        call allocate_room(model, size(q, 2), assembly)
         nullify (forms)
         if (present(margins)) forms => margins
         if (present(closer)) trail%state%group%closer => closer
@@ -188,7 +206,7 @@ contains
         n_done = 0
         n = model%n_q + model%n_branch
         if (size(model%group) > 0) n = n + place_size(model)*model%n_link
-        longest = max(shortest, room/max(1, n))
+        longest = shortest*max(1, room/(shortest*max(1, n)))
         stride = longest
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
@@ -198,7 +216,7 @@ contains
             if (strides) then
                 goal = min(n_done + stride, size(q, 2))
                 stride = min(longest, 2*stride)
-                call stride_on(model, q(:, n_done + 1:goal), trail, assembly, n_done, forms)
+                call stride_on(model, q(:, n_done + 1:goal), trail, assembly, n_done, forms, scratch)
                 if (n_done == goal) cycle
                 ! Where lanes have to help, what lies beyond may be in vain.
                 stride = shortest
@@ -267,19 +285,21 @@ contains
     end subroutine go_on
 
     !> Take the next samples, as long as every step is believed.
-    subroutine stride_on(model, q, trail, assembly, n_done, margins)
+    subroutine stride_on(model, q, trail, assembly, n_done, margins, stride)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! of the next samples (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
         class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
-        type(stride_type) :: stride
-        integer :: n
+        type(stride_type), intent(inout) :: stride   !! scratch
+        integer :: n, i
 
         call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, stride)
         n = stride%n_believed
-        assembly%branch(:, n_done + 1:n_done + n) = spread(trail%branch, 2, n)
+        do i = n_done + 1, n_done + n
+            assembly%branch(:, i) = trail%branch
+        end do
         if (size(model%group) > 0) then
             assembly%q(:, n_done + 1:n_done + n) = stride%at(:, 1:n)
             assembly%place(:, :, n_done + 1:n_done + n) = stride%groups%place(:, :, 1:n)

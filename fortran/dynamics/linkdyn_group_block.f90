@@ -11,9 +11,10 @@ module linkdyn_group_block
     implicit none (type, external)
     private
     public :: group_block, prepare_block, close_block, find_drift
-    public :: take_sample, tell_sample, set_out, lead_links, lead_link, lay_curve, explain_shifts, explain_steps
+    public :: take_sample, tell_sample, set_out, lead_links, lead_link, take_points, lay_curve, explain_shifts, explain_steps
 
     integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
+    integer, parameter, public :: n_point = 6       !! that a curve is laid through
     !> What is left open of a step must be small against the distance, about the margin, at which another assembly may be.
     real(wp), parameter, public :: part_of_margin = 0.125_wp
 
@@ -30,6 +31,7 @@ module linkdyn_group_block
         real(wp), allocatable :: thread(:, :)       !! angles of threads by their slides, with their turns (sample, thread) [rad]
         real(wp), allocatable :: thread_rate(:, :)  !! along the way (sample, thread)
         logical, allocatable :: is_closed(:)        !! (sample)
+        real(wp), private :: whole = 1              !! the mechanism's size
         ! ---- scratch, for the largest group
         real(wp), allocatable, private :: ahead(:, :, :), velocity(:, :), corrected(:, :), turned(:, :), extent(:, :)
         real(wp), allocatable, private :: q(:, :), margin_here(:), before(:), contraction(:)
@@ -49,6 +51,7 @@ contains
             if (size(block%at, 1) == n) return
             block = group_block()
         end if
+        block%whole = scene_size(model)
         n_row = 0
         do g = 1, size(model%group)
             n_row = max(n_row, size(model%group(g)%unit))
@@ -139,11 +142,15 @@ contains
             from(s, k) = place(k)
         end do
         by = 0
-        do j = 1, n_q
-            do k = 1, m
-                by(k) = by(k) + way(s, j)*tangent(k, j)
+        if (m == 6) then                                       ! six at a time
+            do j = 1, n_q
+                by = by + way(s, j)*tangent(:6, j)
             end do
-        end do
+        else
+            do j = 1, n_q
+                by(:3) = by(:3) + way(s, j)*tangent(:3, j)
+            end do
+        end if
         do k = 1, m
             shift(s, k) = by(k)
         end do
@@ -175,38 +182,53 @@ contains
         end do
     end subroutine lead_links
 
-    !> Places on the polynomial through others.
-    pure subroutine lay_curve(model, weight, behind, block)
+    !> Places of some samples of the block, through which a curve is to be laid.
+    pure subroutine take_points(model, block, sample, point)
         type(model_type), intent(in) :: model
-        real(wp), intent(in), contiguous :: weight(:, :)       !! (sample, place)
-        real(wp), intent(in), contiguous :: behind(:, :, :)    !! (place, place_size, n_link)
+        type(group_block), intent(in) :: block
+        integer, intent(in) :: sample(n_point)
+        real(wp), intent(out), contiguous :: point(:, :, :)    !! (n_point, place_size, n_link)
+        integer :: g, i, k
+
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    do k = 1, size(point, 2)
+                        point(:, k, l) = block%place(sample, k, l)
+                    end do
+                end associate
+            end do
+        end do
+    end subroutine take_points
+
+    !> Places on the polynomial through others.
+    pure subroutine lay_curve(model, weight, point, block)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in), contiguous :: weight(:, :)       !! (sample or more, n_point)
+        real(wp), intent(in), contiguous :: point(:, :, :)     !! (n_point, place_size, n_link)
         type(group_block), intent(inout) :: block
         integer :: g, i, k
 
         do g = 1, size(model%group)
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    do k = 1, size(behind, 2)
-                        call add_weighted(size(weight, 1), size(weight, 2), weight, behind(:, k, l), block%place(:, k, l))
+                    do k = 1, size(point, 2)
+                        call add_weighted(size(block%at, 1), size(weight, 1), weight, point(:, k, l), block%place(:, k, l))
                     end do
                 end associate
             end do
         end do
     end subroutine lay_curve
 
-    pure subroutine add_weighted(n, m, weight, x, total)
-        integer, intent(in) :: n, m
-        real(wp), intent(in) :: weight(n, m), x(m)
+    pure subroutine add_weighted(n, n_weight, weight, x, total)
+        integer, intent(in) :: n, n_weight
+        real(wp), intent(in) :: weight(n_weight, n_point), x(n_point)
         real(wp), intent(out) :: total(n)
-        integer :: j, s
+        integer :: s
 
         do s = 1, n
-            total(s) = weight(s, 1)*x(1)
-        end do
-        do j = 2, m
-            do s = 1, n
-                total(s) = total(s) + weight(s, j)*x(j)
-            end do
+            total(s) = weight(s, 1)*x(1) + weight(s, 2)*x(2) + weight(s, 3)*x(3) + weight(s, 4)*x(4) + weight(s, 5)*x(5) &
+                       + weight(s, 6)*x(6)
         end do
     end subroutine add_weighted
 
@@ -281,10 +303,8 @@ contains
         integer, intent(in) :: n_before                        !! threads of groups before it
         class(group_closer), intent(in) :: closer
         type(group_block), intent(inout) :: block
-        real(wp) :: whole
         integer :: step, n, n_row, n_place
 
-        whole = scene_size(model)
         n = size(block%at, 1)
         n_row = size(group%unit)
         n_place = size(block%place, 2)
@@ -298,7 +318,7 @@ contains
                                    corrected=block%corrected(:, :n_place*size(group%link)), extent=block%extent)
             call put_where(n, block%is_under_way, block%margin_here, block%margin(:, g))
             block%takes = block%is_under_way
-            call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), whole, &
+            call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), block%whole, &
                                    block%margin(:, g), block%is_sure, block%before, block%contraction, block%is_closed, &
                                    block%is_under_way)
             block%takes = block%takes .and. block%is_closed
@@ -361,16 +381,15 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         type(group_block), intent(inout) :: block
-        real(wp) :: extent
         integer :: g, i, k, n, n_place
 
         n = size(block%at, 1)
         n_place = size(block%place, 2)
-        extent = scene_size(model)
         associate (step => block%before, speed => block%contraction)
             step = huge(1.0_wp)
             do g = 1, size(model%group)
-                call find_speed(model%group(g), n, size(block%rate, 2), merge(2, 3, model%is_planar), extent, block%rate, speed)
+                call find_speed(model%group(g), n, size(block%rate, 2), merge(2, 3, model%is_planar), block%whole, block%rate, &
+                                speed)
                 step = merge(min(step, step_ahead(block%margin(:, g), speed)), step, speed > 0)
             end do
             where (.not. step < huge(1.0_wp)) step = 0         ! nothing moves
@@ -439,23 +458,22 @@ contains
     pure subroutine explain_shifts(model, margin, block, is_explained)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: margin(:, :)                   !! where they have come from (sample, n_group)
-        type(group_block), intent(inout) :: block              !! `shift` is that mean afterwards
+        type(group_block), intent(inout) :: block
         logical, intent(out) :: is_explained(:)                !! (sample)
-        logical :: has_threads
-        real(wp) :: extent
-        integer :: g, i
+        real(wp) :: along(size(margin, 1))
+        integer :: g, i, n
 
-        extent = scene_size(model)
-        has_threads = any(model%group%n_thread > 0)
-        is_explained = .not. has_threads
+        n = size(margin, 1)
+        is_explained = all(model%group%n_thread == 0)
+        if (n == 0 .or. .not. all(is_explained)) return
+        along = 1
         do g = 1, size(model%group)
             block%before = min(abs(margin(:, g)), abs(block%margin(:, g)))
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    block%shift(:, :, l) = (block%shift(:, :, l) + block%rate(:, :, l))/2
-                    if (has_threads) cycle
-                    call compare_motion(size(block%at, 1), size(block%place, 2), extent, block%from(:, :, l), &
-                                        block%place(:, :, l), block%shift(:, :, l), block%before, is_explained)
+                    call compare_motion(n, n, size(block%place, 2), block%whole, block%from(1, 1, l), &
+                                        block%place(1, 1, l), block%shift(1, 1, l), block%rate(1, 1, l), n, along, block%before, &
+                                        is_explained, block%contraction)
                 end associate
             end do
         end do
@@ -464,16 +482,15 @@ contains
     !> The same of steps from each sample to the next, the first from one before. Rates lead along the ways from these.
     pure subroutine explain_steps(model, place, rate, margin, back, block, is_explained)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: place(:, :), rate(:, :)        !! of the sample before (number, n_link)
+        real(wp), intent(in), contiguous :: place(:, :), rate(:, :)    !! of the sample before (number, n_link)
         real(wp), intent(in) :: margin(:)                      !! there (n_group)
-        real(wp), intent(in) :: back(:)                        !! of the way from a sample what leads along the way to it (sample)
+        real(wp), intent(in), contiguous :: back(:)                        !! of the way from a sample what leads along the way to it (sample)
         type(group_block), intent(inout) :: block
-        logical, intent(out) :: is_explained(:)                !! (sample)
-        real(wp) :: extent
-        integer :: g, i, k, n
+        logical, intent(out), contiguous :: is_explained(:)    !! (sample)
+        integer :: g, i, n, n_place
 
         n = size(block%at, 1)
-        extent = scene_size(model)
+        n_place = size(block%place, 2)
         is_explained = all(model%group%n_thread == 0)
         if (.not. is_explained(1)) return
         do g = 1, size(model%group)
@@ -482,33 +499,39 @@ contains
             block%before(1) = min(block%before(1), abs(margin(g)))
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    block%from(1, :, l) = place(:, l)
-                    block%from(2:, :, l) = block%place(:n - 1, :, l)
-                    do k = 1, size(rate, 1)
-                        block%shift(:, k, l) = back*block%rate(:, k, l)
-                        block%shift(1, k, l) = (block%shift(1, k, l) + rate(k, l))/2
-                        block%shift(2:, k, l) = (block%shift(2:, k, l) + block%rate(:n - 1, k, l))/2
-                    end do
-                    call compare_motion(n, size(place, 1), extent, block%from(:, :, l), block%place(:, :, l), &
-                                        block%shift(:, :, l), block%before, is_explained)
+                    call compare_motion(1, 1, n_place, block%whole, place(:, l), block%place(1, 1, l), rate(:, l), &
+                                        block%rate(1, 1, l), n, back, block%before, is_explained, block%contraction)
+                    if (n > 1) call compare_motion(n - 1, n, n_place, block%whole, block%place(1, 1, l), block%place(2, 1, l), &
+                                                   block%rate(1, 1, l), block%rate(2, 1, l), n, back(2:), block%before(2:), &
+                                                   is_explained(2:), block%contraction)
                 end associate
             end do
         end do
     end subroutine explain_steps
 
-    !> One link. With x the tangent of half an angle, that is 2 (x - x^3/3) to within 2/5 x^5.
-    pure subroutine compare_motion(n, n_place, extent, from, to, explained, margin, is_explained)
-        integer, intent(in) :: n, n_place                      !! samples; numbers of a place
-        real(wp), intent(in) :: extent                         !! the mechanism's size
-        real(wp), intent(in) :: from(n, n_place), to(n, n_place), explained(n, *), margin(n)
+    !> One link: does the mean of the rates at both ends of a step explain how it has come there? With x the tangent of half an
+    !> angle, that is 2 (x - x^3/3) to within 2/5 x^5.
+    pure subroutine compare_motion(n, n_from, n_place, whole, from, to, rate_from, rate_to, n_to, back, margin, is_explained, &
+                                   open)
+        integer, intent(in) :: n                               !! steps
+        integer, intent(in) :: n_from, n_to                    !! from one number of a sample to its next
+        integer, intent(in) :: n_place                         !! numbers of a place
+        real(wp), intent(in) :: whole                          !! the mechanism's size
+        real(wp), intent(in) :: from(n_from, *), to(n_to, *)   !! places
+        real(wp), intent(in) :: rate_from(n_from, *), rate_to(n_to, *)
+        real(wp), intent(in) :: back(n)                        !! times the latter along the step
+        real(wp), intent(in) :: margin(n)
         logical, intent(inout) :: is_explained(n)
-        real(wp) :: w, turn(3), square, part, open(n)
+        real(wp), intent(out) :: open(n)                       !! what is left of the step
+        real(wp) :: w, turn(3), square, part, left(6)
         integer :: s
 
         if (n_place == 3) then
             do s = 1, n
-                open(s) = max(abs(to(s, 1) - from(s, 1) - explained(s, 1))/extent, &
-                              abs(to(s, 2) - from(s, 2) - explained(s, 2))/extent, abs(to(s, 3) - from(s, 3) - explained(s, 3)))
+                left(1) = to(s, 1) - from(s, 1) - (rate_from(s, 1) + back(s)*rate_to(s, 1))/2
+                left(2) = to(s, 2) - from(s, 2) - (rate_from(s, 2) + back(s)*rate_to(s, 2))/2
+                left(3) = to(s, 3) - from(s, 3) - (rate_from(s, 3) + back(s)*rate_to(s, 3))/2
+                open(s) = max(abs(left(1))/whole, abs(left(2))/whole, abs(left(3)))
             end do
         else
             do s = 1, n
@@ -520,10 +543,14 @@ contains
                 part = 1/w
                 square = (turn(1)**2 + turn(2)**2 + turn(3)**2)*part**2
                 part = 2*part*(1 - square/3)
-                open(s) = max(abs(to(s, 1) - from(s, 1) - explained(s, 1)), abs(to(s, 2) - from(s, 2) - explained(s, 2)), &
-                              abs(to(s, 3) - from(s, 3) - explained(s, 3)))/extent
-                open(s) = max(open(s), abs(part*turn(1) - explained(s, 4)), abs(part*turn(2) - explained(s, 5)), &
-                              abs(part*turn(3) - explained(s, 6))) + 0.4_wp*square**2*max(1.0_wp, square)
+                left(1) = to(s, 1) - from(s, 1) - (rate_from(s, 1) + back(s)*rate_to(s, 1))/2
+                left(2) = to(s, 2) - from(s, 2) - (rate_from(s, 2) + back(s)*rate_to(s, 2))/2
+                left(3) = to(s, 3) - from(s, 3) - (rate_from(s, 3) + back(s)*rate_to(s, 3))/2
+                left(4) = part*turn(1) - (rate_from(s, 4) + back(s)*rate_to(s, 4))/2
+                left(5) = part*turn(2) - (rate_from(s, 5) + back(s)*rate_to(s, 5))/2
+                left(6) = part*turn(3) - (rate_from(s, 6) + back(s)*rate_to(s, 6))/2
+                open(s) = max(abs(left(1)), abs(left(2)), abs(left(3)))/whole
+                open(s) = max(open(s), abs(left(4)), abs(left(5)), abs(left(6))) + 0.4_wp*square**2*max(1.0_wp, square)
             end do
         end if
         do s = 1, n

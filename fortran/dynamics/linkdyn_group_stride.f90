@@ -9,15 +9,13 @@
 !> lead near enough to, the stride ends.
 module linkdyn_group_stride
     use linkdyn_group_block, only: group_block, prepare_block, close_block, find_drift, take_sample, tell_sample, lead_link, &
-        lay_curve, explain_steps
+        n_point, take_points, lay_curve, explain_steps
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom
     implicit none (type, external)
     private
     public :: group_stride, stride_groups, find_tangents, predict, close_from, close_places, share_along
-
-    integer, parameter :: n_behind = 6              !! samples that a curve is laid through
 
     !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
     type :: group_stride
@@ -44,18 +42,24 @@ contains
         real(wp), intent(in), contiguous :: way(:, 0:)         !! from there (n_q, 0:n)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, 1)
         real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
-        type(group_stride), intent(out) :: stride
+        type(group_stride), intent(inout) :: stride            !! as it was left, its room is used again
         type(group_block) :: block
-        integer :: n, at_once, first, last, behind(n_behind)
-        real(wp), allocatable :: weight(:, :)                  ! of samples behind (sample of a block, sample behind)
+        integer :: n, at_once, first, last, point(n_point)
+        real(wp), allocatable :: weight(:, :)                  ! of points (sample of a block, point)
+        real(wp) :: through(n_point, size(start, 1), size(start, 2))
         logical :: has_threads
 
         n = ubound(at, 2)
         has_threads = any(model%group%n_thread > 0)
-        at_once = max(closer%samples_at_once, n_behind)
-        behind = [(-1 - (n_behind - first)*((at_once - 1)/(n_behind - 1)), first=1, n_behind)]
-        weight = weights_of(behind, at_once)
-        call make_room(model, 0, n, stride)
+        at_once = max(closer%samples_at_once, n_point)
+        point = [(at_once - (n_point - first)*((at_once - 1)/(n_point - 1)), first=1, n_point)]
+        weight = weights_of(point, at_once)
+        if (allocated(stride%place)) then
+            if (lbound(stride%place, 3) /= 0 .or. ubound(stride%place, 3) /= n .or. has_threads) stride = group_stride()
+        end if
+        if (.not. allocated(stride%place)) call make_room(model, 0, n, stride)
+        stride%is_closed = .false.
+        stride%is_explained = .false.
         stride%place(:, :, 0) = start
         call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, block, stride)
         first = 1
@@ -63,10 +67,9 @@ contains
             last = min(n, first + at_once - 1)
             ! quaternions of a spinning link lie on no polynomial
             if (first > at_once .and. .not. has_threads) then
+                call take_points(model, block, point, through)
                 call prepare_block(model, last - first + 1, block)
-                call lay_curve(model, weight(:last - first + 1, :), &
-                               reshape(stride%place(:, :, first + behind), [n_behind, size(start, 1), size(start, 2)], &
-                                       order=[2, 3, 1]), block)
+                call lay_curve(model, weight, through, block)
                 call close_led(model, closer, at(:, first:last), way(:, first:last), branch, first, block, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
@@ -169,15 +172,15 @@ contains
 
     ! ---------------------------------------------------------------- predictions
 
-    !> Of samples behind in polynomials through them, for samples that are counted from zero.
-    pure function weights_of(behind, n) result(weight)
-        integer, intent(in) :: behind(:), n
-        real(wp) :: weight(n, size(behind))
+    !> Of samples of a block in polynomials through them, for the samples of the next block.
+    pure function weights_of(point, n) result(weight)
+        integer, intent(in) :: point(:), n
+        real(wp) :: weight(n, size(point))
         integer :: s, j
 
-        do j = 1, size(behind)
+        do j = 1, size(point)
             do s = 1, n
-                weight(s, j) = product(real(s - 1 - behind, wp)/real(behind(j) - behind, wp), mask=behind /= behind(j))
+                weight(s, j) = product(real(n + s - point, wp)/real(point(j) - point, wp), mask=point /= point(j))
             end do
         end do
     end function weights_of

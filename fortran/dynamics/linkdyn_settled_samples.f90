@@ -432,10 +432,11 @@ contains
         type(model_type), intent(in) :: model
         type(node_list), intent(in) :: node
         integer, intent(in) :: k                     !! the node
-        type(group_block), intent(in) :: found       !! with what explains it in `shift`
+        type(group_block), intent(in) :: found       !! led there by `shift`
         integer, intent(in) :: i                     !! the sample in it
 
-        is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(i, :, :), found%shift(i, :, :), &
+        is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(i, :, :), &
+                           (found%shift(i, :, :) + found%rate(i, :, :))/2, &
                            min(abs(node%tangents(k)%margin(:, 1)), abs(found%margin(i, :))))
     end function is_close_to_node
 

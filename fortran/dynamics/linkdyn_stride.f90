@@ -37,16 +37,22 @@ contains
         real(wp), intent(in) :: place(:, :)          !! of the groups' links at the beginning (place_size, n_link)
         class(group_closer), pointer, intent(in) :: closer      !! null: there are no groups
         class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: there are none
-        type(stride_type), intent(out) :: stride
+        type(stride_type), intent(inout) :: stride   !! as it was left, its room is used again
         real(wp) :: extent
         integer :: n, i
 
         n = size(q, 2)
         extent = scene_size(model)
-        allocate (stride%at(size(q, 1), 0:n), stride%way(size(q, 1), 0:n))
-        allocate (stride%margin(size(model%least_margin), 0:n), source=1.0_wp)
-        allocate (stride%drift(size(model%least_margin), 0:n), source=0.0_wp)
-        allocate (stride%is_closed(0:n), source=.true.)
+        if (allocated(stride%at)) then
+            if (ubound(stride%at, 2) /= n) deallocate (stride%at, stride%way, stride%margin, stride%drift, stride%is_closed)
+        end if
+        if (.not. allocated(stride%at)) then
+            allocate (stride%at(size(q, 1), 0:n), stride%way(size(q, 1), 0:n), stride%is_closed(0:n))
+            allocate (stride%margin(size(model%least_margin), 0:n), stride%drift(size(model%least_margin), 0:n))
+        end if
+        stride%margin = 1
+        stride%drift = 0
+        stride%is_closed = .true.
         associate (at => stride%at, way => stride%way)
             at(:, 0) = from
             at(:, 1:) = q
@@ -58,7 +64,7 @@ contains
             stride%is_closed = stride%groups%is_closed
             stride%margin(model%n_branch + 1:, :) = stride%groups%margin
             stride%drift(model%n_branch + 1:, :) = stride%groups%drift
-        else
+        else if (.not. allocated(stride%groups%place)) then
             allocate (stride%groups%place(0, 0, 0))
         end if
         if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, stride)

@@ -279,6 +279,10 @@ contains
         real(wp) :: last
         integer :: k, lane
 
+        if (n == size(space%slot, 1) .and. n == stride) then       ! all of it in one piece
+            space%slot(:, first - 1:first + m - 2) = x(:, :m)
+            return
+        end if
         do k = 1, m
             do lane = 1, n
                 space%slot(lane, first + k - 2) = x(lane, k)

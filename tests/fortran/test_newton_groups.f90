@@ -356,7 +356,7 @@ contains
                 call explain_shifts(model, margin, block, is_explained)
                 do s = 1, n
                     associate (is_measured => is_close(model, scene_size(model), block%from(s, :, :), block%place(s, :, :), &
-                                                       block%shift(s, :, :), margin(s, :)))
+                                                       block%shift(s, :, :)/2, margin(s, :)))
                         call check(error, is_measured .or. .not. is_explained(s), trim(name(i))//": explained by angles, too")
                         if (turn < 0.2_wp .and. open < 0.9_wp) &
                             call check(error, is_explained(s), trim(name(i))//": what is explained is seen to be")
