@@ -8,6 +8,7 @@ module linkdyn_sweep_chunk
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_catalogue, only: result_contact_force, result_driving_force, result_driving_position, result_driving_speed, &
         result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, result_transmission_force
+    use linkdyn_finite, only: all_are_finite
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared, part_of_results
     use linkdyn_kinds, only: wp
@@ -29,6 +30,7 @@ module linkdyn_sweep_chunk
         quantity_torque_margin, quantity_contact_force, quantity_pressure_angle, needs_forces
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals, &
         code_feasible, code_no_model, first_bound
+    use linkdyn_value_rows, only: copy_rows, multiply_rows, take_lengths
     implicit none (type, external)
     private
     public :: reduce_chunk, kept_chunk, make_records, ready_design, look_at_samples
@@ -344,54 +346,40 @@ contains
         type(quantity_row), intent(in) :: row
         integer, intent(in) :: n
         type(sweep_design), intent(inout) :: design
-        integer :: k, s
+        integer :: k, s, n_component, n_force
 
+        n_component = design%model%n_component
+        n_force = merge(2, 3, design%model%is_planar)
         do k = 1, size(row%quantity)
-            if (.not. needs_forces(row%quantity(k)%id)) cycle
-            do s = 1, n
-                associate (first => row%quantity(k)%first, last => row%quantity(k)%first + row%quantity(k)%n)
-                    call take_sample(row%quantity(k)%id, s, design%value(first + 1:last, design%which(s)))
-                end associate
-            end do
-        end do
-
-    contains
-
-        subroutine take_sample(id, s, value)
-            integer, intent(in) :: id, s
-            real(wp), intent(inout) :: value(:)
-            real(wp), pointer, contiguous :: wrench(:, :)    ! (component, joint)
-            integer :: i, n_force
-
-            associate (of => design%of_forces%of)
-                n_force = merge(2, 3, design%model%is_planar)
-                if (design%of_forces%wants(result_reaction)) &
-                    wrench(1:design%model%n_component, 1:design%model%n_joint) => of(result_reaction)%x(:, s)
-                select case (id)
+            associate (quantity => row%quantity(k), first => row%quantity(k)%first, which => design%which(:n), &
+                       of => design%of_forces%of, value => design%value)
+                if (.not. needs_forces(quantity%id)) cycle
+                select case (quantity%id)
                 case (quantity_driving_force)
-                    value = of(result_driving_force)%x(:, s)
+                    call copy_rows(quantity%n, n, of(result_driving_force)%x(:, :n), which, row%n, first, value)
                 case (quantity_driving_power)
-                    value = of(result_driving_force)%x(:, s)*of(result_driving_speed)%x(:, s)
-                case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
-                      quantity_torque_margin)
-                    value = motor_load(id, s)
+                    call multiply_rows(quantity%n, n, of(result_driving_force)%x(:, :n), of(result_driving_speed)%x(:, :n), &
+                                       which, row%n, first, value)
                 case (quantity_contact_force)
-                    value = of(result_contact_force)%x(:, s)
+                    call copy_rows(quantity%n, n, of(result_contact_force)%x(:, :n), which, row%n, first, value)
                 case (quantity_pressure_angle)
-                    value = of(result_pressure_angle)%x(:, s)
+                    call copy_rows(quantity%n, n, of(result_pressure_angle)%x(:, :n), which, row%n, first, value)
                 case (quantity_reaction)
-                    value = of(result_reaction)%x(:, s)
+                    call copy_rows(quantity%n, n, of(result_reaction)%x(:, :n), which, row%n, first, value)
                 case (quantity_reaction_force)
-                    do i = 1, size(value)
-                        value(i) = sqrt(sum(wrench(:n_force, i)**2))
-                    end do
+                    call take_lengths(n_component, quantity%n, n, 0, n_force, of(result_reaction)%x(:, :n), which, row%n, first, value)
                 case (quantity_reaction_moment)
-                    do i = 1, size(value)
-                        value(i) = sqrt(sum(wrench(n_force + 1:, i)**2))
+                    call take_lengths(n_component, quantity%n, n, n_force, n_component - n_force, of(result_reaction)%x(:, :n), which, &
+                                      row%n, first, value)
+                case default
+                    do s = 1, n
+                        value(first + 1:first + quantity%n, which(s)) = motor_load(quantity%id, s)
                     end do
                 end select
             end associate
-        end subroutine take_sample
+        end do
+
+    contains
 
         !> What the motors give in a sample.
         function motor_load(id, s) result(load)
@@ -438,7 +426,7 @@ contains
         do s = 1, n
             associate (code => design%code(s), value => design%value(:, s))
                 if (.not. takes_part(spec, code)) cycle
-                if (.not. sum(abs(value(from:to))) <= huge(1.0_wp)) code = sample_undefined
+                if (.not. all_are_finite(int(to - from + 1, int64), value(from:to))) code = sample_undefined
                 do b = 1, size(spec%bound)
                     if (needs_forces(spec%bound(b)%quantity) .neqv. is_late) cycle
                     ! The first bound that a sample does not keep; bounds that are no limits come first.

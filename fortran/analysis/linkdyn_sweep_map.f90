@@ -8,6 +8,7 @@ module linkdyn_sweep_map
     use linkdyn_sweep_plan, only: sweep_plan
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_spec, only: sweep_spec, quantity_determinant, quantity_clearance
+    use linkdyn_value_rows, only: widen_rows, at_once
     implicit none (type, external)
     private
     public :: sweep_map, map_part, make_map, find_cells, start_part, add_to_part, join_part, is_least, most_cells
@@ -89,46 +90,89 @@ contains
     subroutine add_to_part(row, n, value, cell, counts, is_feasible, part)
         type(quantity_row), intent(in) :: row
         integer, intent(in) :: n                           !! samples
-        real(wp), intent(in) :: value(:, :)                !! (entry, sample)
+        real(wp), intent(in), contiguous :: value(:, :)    !! (entry, sample)
         integer(int64), intent(in) :: cell(:)              !! (sample)
         logical, intent(in) :: counts(:), is_feasible(:)   !! (sample)
         type(map_part), intent(inout) :: part
-        integer :: i, s
-        logical :: is_new
+        real(wp) :: largest(row%n)                         ! sizes of entries, of the samples of a cell
+        integer :: first, last
 
-        do s = 1, n
-            is_new = part%n == 0
-            if (.not. is_new) is_new = part%cell(part%n) /= cell(s)
-            if (is_new) then
-                part%n = part%n + 1
-                part%cell(part%n) = cell(s)
-                part%worst(:, part%n) = nothing
-                part%n_feasible(part%n) = 0
-            end if
-            if (is_feasible(s)) part%n_feasible(part%n) = part%n_feasible(part%n) + 1
-            if (.not. counts(s)) cycle
-            do i = 1, size(row%quantity)
-                associate (quantity => row%quantity(i), worst => part%worst(i, part%n))
-                    worst = max(worst, worst_of(quantity%id, value(quantity%first + 1:quantity%first + quantity%n, s)))
-                end associate
+        first = 1
+        do while (first <= n)
+            last = first
+            do while (last < n)
+                if (cell(last + 1) /= cell(first)) exit
+                last = last + 1
             end do
+            if (part%n == 0) then
+                call begin_cell(cell(first), part)
+            else if (part%cell(part%n) /= cell(first)) then
+                call begin_cell(cell(first), part)
+            end if
+            part%n_feasible(part%n) = part%n_feasible(part%n) + count(is_feasible(first:last))
+            if (any(counts(first:last))) then
+                call find_largest(value(:, first:last), counts(first:last), largest)
+                call take_worst(row, value(:, first:last), counts(first:last), largest, part%worst(:, part%n))
+            end if
+            first = last + 1
         end do
     end subroutine add_to_part
 
-    !> The worst entry of a quantity, with a minus where the least is the worst.
-    pure real(wp) function worst_of(id, value) result(worst)
-        integer, intent(in) :: id
-        real(wp), intent(in) :: value(:)
+    subroutine begin_cell(cell, part)
+        integer(int64), intent(in) :: cell
+        type(map_part), intent(inout) :: part
 
-        select case (id)
-        case (quantity_clearance)
-            worst = -minval(value)
-        case (quantity_determinant)
-            worst = -minval(abs(value))
-        case default
-            worst = maxval(abs(value))
-        end select
-    end function worst_of
+        part%n = part%n + 1
+        part%cell(part%n) = cell
+        part%worst(:, part%n) = nothing
+        part%n_feasible(part%n) = 0
+    end subroutine begin_cell
+
+    !> The largest sizes of entries, of samples that count.
+    pure subroutine find_largest(value, counts, largest)
+        real(wp), intent(in), contiguous :: value(:, :)    !! (entry, sample)
+        logical, intent(in) :: counts(:)                   !! (sample)
+        real(wp), intent(out) :: largest(:)                !! (entry)
+        integer :: s, n_here
+
+        largest = 0
+        s = 1
+        do while (s <= size(counts))
+            n_here = 1
+            if (s + at_once - 1 <= size(counts)) then
+                if (all(counts(s:s + at_once - 1))) n_here = at_once
+            end if
+            if (counts(s)) call widen_rows(size(value, 1), n_here, value(:, s:s + n_here - 1), largest)
+            s = s + n_here
+        end do
+    end subroutine find_largest
+
+    !> The worst entry of each quantity, with a minus where the least is the worst.
+    pure subroutine take_worst(row, value, counts, largest, worst)
+        type(quantity_row), intent(in) :: row
+        real(wp), intent(in) :: value(:, :)                !! (entry, sample)
+        logical, intent(in) :: counts(:)                   !! (sample)
+        real(wp), intent(in) :: largest(:)                 !! (entry)
+        real(wp), intent(inout) :: worst(:)                !! (quantity)
+        integer :: i, s
+
+        do i = 1, size(row%quantity)
+            associate (first => row%quantity(i)%first + 1, last => row%quantity(i)%first + row%quantity(i)%n)
+                select case (row%quantity(i)%id)
+                case (quantity_clearance)
+                    do s = 1, size(counts)
+                        if (counts(s)) worst(i) = max(worst(i), -minval(value(first:last, s)))
+                    end do
+                case (quantity_determinant)
+                    do s = 1, size(counts)
+                        if (counts(s)) worst(i) = max(worst(i), -minval(abs(value(first:last, s))))
+                    end do
+                case default
+                    if (last >= first) worst(i) = max(worst(i), maxval(largest(first:last)))
+                end select
+            end associate
+        end do
+    end subroutine take_worst
 
     subroutine join_part(part, map)
         type(map_part), intent(in) :: part

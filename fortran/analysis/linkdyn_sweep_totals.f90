@@ -7,6 +7,7 @@ module linkdyn_sweep_totals
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: n_sample_status
+    use linkdyn_value_rows, only: raise_extremes, add_moments, at_once
     implicit none (type, external)
     private
     public :: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals
@@ -81,19 +82,31 @@ contains
         integer(int64), intent(in) :: n_line       !! samples of a line; 0: there are no lines
         type(totals_type), intent(out) :: totals
         real(wp), dimension(shape%n_entry) :: low_at, high_at
-        integer :: s, i
+        integer :: s, i, n_here
 
         call empty_totals(shape, totals)
         totals%n_sample = n
         totals%first_sample = first
         low_at = -1
         high_at = -1
+        s = 1
+        do while (s <= n)
+            n_here = 1
+            if (s + at_once - 1 <= n) then
+                if (all(counts(s:s + at_once - 1))) n_here = at_once
+            end if
+            if (counts(s)) then
+                call raise_extremes(shape%n_entry, n_here, value(:, s:s + n_here - 1), real(s - 1, wp), totals%low, low_at, &
+                                    totals%high, high_at)
+                if (shape%has_moments) &
+                    call add_moments(shape%n_entry, n_here, value(:, s:s + n_here - 1), totals%sum, totals%square)
+            end if
+            s = s + n_here
+        end do
         do s = 1, n
             totals%n_code(code(s)) = totals%n_code(code(s)) + 1
             if (.not. counts(s)) cycle
             totals%n_reduced = totals%n_reduced + 1
-            call raise_extremes(shape%n_entry, value(:, s), real(s - 1, wp), totals%low, low_at, totals%high, high_at)
-            if (shape%has_moments) call add_moments(shape%n_entry, value(:, s), totals%sum, totals%square)
             do i = 1, size(shape%power)
                 totals%gain(i) = totals%gain(i) + max(value(shape%power(i), s), 0.0_wp)
             end do
@@ -106,30 +119,6 @@ contains
         if (shape%determinant > 0 .and. n_line > 0) &
             call watch_sign(value(shape%determinant, :n), counts(:n), first, n_line, totals)
     end subroutine reduce_samples
-
-    !> Written without branches.
-    pure subroutine raise_extremes(n, value, sample, low, low_at, high, high_at)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: value(n), sample
-        real(wp), intent(inout), dimension(n) :: low, low_at, high, high_at
-        integer :: k
-
-        do k = 1, n
-            low_at(k) = merge(sample, low_at(k), value(k) < low(k))
-            low(k) = merge(value(k), low(k), value(k) < low(k))
-            high_at(k) = merge(sample, high_at(k), value(k) > high(k))
-            high(k) = merge(value(k), high(k), value(k) > high(k))
-        end do
-    end subroutine raise_extremes
-
-    pure subroutine add_moments(n, value, sum, square)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: value(n)
-        real(wp), intent(inout), dimension(n) :: sum, square
-
-        sum = sum + value
-        square = square + value**2
-    end subroutine add_moments
 
     pure subroutine add_to_bins(n_bin, from, to, value, histogram)
         integer, intent(in) :: n_bin
