@@ -3,9 +3,9 @@
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
-    use linkdyn_choice, only: shares_in_words, choices_in_words
+    use linkdyn_choice, only: shares_in_words, choices_in_words, sharing_in_words
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, drives_share
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
         result_torque_margin, result_joint_variable, result_contact_force, result_controller_limited, dimension_type, dim_motor, &
@@ -470,6 +470,7 @@ contains
         write (unit, "(a)") ""
         if (idle_spins(model%scene) /= "") write (unit, "(a)") &
             "  idle spins       "//idle_spins(model%scene)//": held, nothing else depends on them"
+        if (drives_share(model)) write (unit, "(a)") "  drives           "//sharing_in_words(model)
         if (model%share%n > 0) call print_shares()
         if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)

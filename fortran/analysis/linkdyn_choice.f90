@@ -5,7 +5,7 @@ module linkdyn_choice
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
-    public :: has_choice, choice_in_words, choices_in_words, shares_in_words
+    public :: has_choice, choice_in_words, choices_in_words, shares_in_words, sharing_in_words
 
 contains
 
@@ -76,6 +76,15 @@ contains
         end do
         if (n > most) text = text//"; and "//to_text(n - most)//" more"
     end function choices_in_words
+
+    !> What decides between more drives than freedoms.
+    function sharing_in_words(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = to_text(model%n_actuator)//" drives share the work of "//to_text(model%n_q) &
+               //trim(merge(" coordinate ", " coordinates", model%n_q == 1))//": taken is the least sum of squares"
+    end function sharing_in_words
 
     !> Reactions that the equations leave open, in words; the first joints by name.
     function shares_in_words(model) result(text)

@@ -655,7 +655,8 @@ contains
         case default
             call solve_densely(equations, workspace)
         end select
-        if (equations%solver == solver_elimination) workspace%fell_back = workspace%fell_back .or. workspace%is_left
+        if (equations%solver == solver_elimination) workspace%fell_back = workspace%fell_back &
+            .or. (workspace%is_left .and. workspace%status == sample_ok)    ! what is not assembled nobody solves
         call run_on_lanes(workspace%answers%answers, workspace%n_used, workspace%state, workspace%numbers, workspace%of_answers)
     end subroutine solve_with_pivots
 

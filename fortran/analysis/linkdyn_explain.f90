@@ -8,7 +8,7 @@ module linkdyn_explain
     use linkdyn_explain_record, only: explain_record, in_words
     use linkdyn_constants, only: pi
     use linkdyn_closing_programs, only: closing_programs
-    use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words
+    use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words, sharing_in_words
     use linkdyn_gearing, only: led_name
     use linkdyn_group_motion, only: group_closer
     use linkdyn_joint_table, only: n_transmitted
@@ -16,12 +16,13 @@ module linkdyn_explain
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
-        is_released
+        is_released, drives_share
+    use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
         payload_changes, motor_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, feed_none, feed_gravity, &
-        feed_inverse
+        feed_inverse, law_none
     use linkdyn_reach, only: find_reach
     use linkdyn_representatives, only: representative_poses, make_closer
     use linkdyn_status, only: status_type
@@ -50,6 +51,7 @@ contains
         end if
         call explain_scene(model, unit)
         call explain_links(model, unit)
+        call explain_motion(model, unit)
         call explain_spins(model, unit)
         call explain_redundancy(model, unit)
         call explain_unknowns(model, unit)
@@ -104,6 +106,56 @@ contains
             end associate
         end do
     end subroutine explain_links
+
+    !> Where the laws of motion lead, and how fast: an angle in degrees that was meant in radians, or a time, is seen here.
+    subroutine explain_motion(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer, parameter :: n = 721                           ! half a degree of a crank's turn
+        real(wp), dimension(model%n_q, n) :: q, qd, qdd
+        real(wp) :: load(6, model%n_load, n), t(n)
+        integer :: k, sample
+
+        if (all(model%scene%coordinate%motion%kind == law_none)) return
+        associate (range => model%scene%time)
+            t = [(range%first + (range%last - range%first)*(real(sample - 1, wp)/(n - 1)), sample=1, n)]
+            write (unit, "(/,a)") "Motion from "//to_text(range%first)//" to "//to_text(range%last)//" s"
+        end associate
+        call evaluate_motion(model, t, q, qd, qdd, load)
+        do k = 1, model%n_q
+            write (unit, "(2x,a24,a)") adjustl(model%scene%coordinate(k)%name), way_in_words(k)
+        end do
+
+    contains
+        !> "0 to 90 deg, at most 360 deg/s and 2261.95 deg/s2"
+        function way_in_words(k) result(text)
+            integer, intent(in) :: k
+            character(len=:), allocatable :: text, name
+            real(wp) :: factor
+
+            factor = merge(1.0_wp, 180/pi, is_length(model, k))
+            name = trim(merge("m  ", "deg", is_length(model, k)))
+            if (maxval(q(k, :)) > minval(q(k, :))) then
+                text = in_short(factor*minval(q(k, :)))//" to "//in_short(factor*maxval(q(k, :)))//" "//name//", at most " &
+                    //in_short(factor*maxval(abs(qd(k, :))))//" "//name//"/s and "//in_short(factor*maxval(abs(qdd(k, :)))) &
+                    //" "//name//"/s2"
+            else
+                text = "stays at "//in_short(factor*q(k, 1))//" "//name
+            end if
+        end function way_in_words
+
+        !> Five digits.
+        function in_short(number) result(text)
+            real(wp), intent(in) :: number
+            character(len=:), allocatable :: text
+            real(wp) :: unit_digit
+
+            unit_digit = 0
+            if (abs(number) > tiny(number)) unit_digit = 10.0_wp**(floor(log10(abs(number))) - 4)
+            text = to_text(number)
+            if (unit_digit > 0) text = to_text(anint(number/unit_digit)*unit_digit)
+        end function in_short
+    end subroutine explain_motion
 
     !> Links that may spin while nothing else moves.
     subroutine explain_spins(model, unit)
@@ -177,6 +229,7 @@ contains
             end associate
         end do
         write (unit, "(2x,a)") to_text(n)//" unknowns in "//to_text(model%n_row)//" equations of motion"
+        if (drives_share(model)) write (unit, "(2x,a)") sharing_in_words(model)
     end subroutine explain_unknowns
 
     !> What stands behind an actuator.

@@ -1,6 +1,7 @@
 !> Where a mechanism cannot be computed, in words: the links and joints concerned, and how far a coordinate can go.
 module linkdyn_failure
     use linkdyn_assembly_trail, only: lost_way
+    use linkdyn_cam_contact, only: marker_place
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step, clear_flags
@@ -8,11 +9,12 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
-    use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
+    use linkdyn_model, only: model_type, step_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
         sample_locked
     use linkdyn_text, only: to_text, join, quoted
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
     public :: failure_at, lock_in_words, lost_in_words, map_in_words, meeting_in_words, reach_in_words
@@ -185,9 +187,48 @@ contains
         case (sample_not_converged)
             text = text//" cannot be followed beyond "//place_in_words(model, lost)//" in as many steps as a way may take"
         case default
+            if (all(lost%from == lost%to)) then
+                text = text//" cannot be closed at the start"//span_in_words(model, lost, i)
+                return
+            end if
             text = text//" cannot be closed beyond "//place_in_words(model, lost)//range_in_words(model, lost, i)
         end select
     end function lost_in_words
+
+    !> ": joints 'A' and 'B' are 0.3 m apart, the links reach from 0.1 m to 0.2 m" of two links with hinges.
+    function span_in_words(model, lost, i) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        integer, intent(in) :: i                         !! step that fails; 0: not known
+        character(len=:), allocatable :: text
+        type(kinematic_state) :: state
+        type(vec3) :: hinge(2)
+        real(wp) :: reach(2), apart
+        integer :: k, side
+
+        text = ""
+        if (i == 0) return
+        if (model%step(i)%kind /= step_rrr) return
+        call prepare_kinematics(model, 0, state)
+        state%q = spread(lost%to, 1, lanes)
+        state%branch = spread(lost%branch, 1, lanes)
+        do k = 1, i - 1
+            call run_step(model, model%step(k), state)
+        end do
+        associate (step => model%step(i))
+            do k = 1, 2
+                associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)))
+                    side = side_of(outer, step%link(k))
+                    hinge(k) = marker_place(model, state, step%joint(2*k - 1), 3 - side)
+                    reach(k) = norm2(inner%point(:, side_of(inner, step%link(k))) - outer%point(:, side))
+                end associate
+            end do
+            apart = hypot(hinge(1)%x(1) - hinge(2)%x(1), hinge(1)%y(1) - hinge(2)%y(1))
+            text = ": joints "//quoted(model%joint(step%joint(1))%name)//" and "//quoted(model%joint(step%joint(3))%name) &
+                   //" are "//to_text(apart)//" m apart, the links reach from "//to_text(abs(reach(1) - reach(2)))//" m to " &
+                   //to_text(sum(reach))//" m"
+        end associate
+    end function span_in_words
 
     !> What a change point is, and why it is not passed.
     function meeting_in_words(model) result(text)

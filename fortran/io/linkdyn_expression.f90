@@ -19,7 +19,7 @@ module linkdyn_expression
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: lower_case, quoted, to_text
-    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit
+    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit, two_units
     implicit none (type, external)
     private
     public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters, deepest
@@ -682,11 +682,12 @@ contains
     !> Something stands where the text ought to end.
     subroutine refuse_rest(reader)
         type(reader_type), intent(inout) :: reader
-        character(len=:), allocatable :: name
+        character(len=:), allocatable :: name, unit
 
         name = name_at(reader%text, reader%next)
-        if (verify(name, letters) == 0 .and. len(name) > 0) then
-            call fail(reader, unknown_unit(name))
+        unit = name(:verify(name//" ", letters) - 1)           ! "kgcm2" without its exponent
+        if (len(name) > 0 .and. (unit == name .or. two_units(unit) /= "")) then
+            call fail(reader, unknown_unit(unit))
         else if (index(rest_of(reader), ",") == 1) then
             call fail(reader, "has a comma (decimals have a point)")
         else

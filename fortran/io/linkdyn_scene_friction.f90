@@ -165,13 +165,17 @@ contains
         real(wp), intent(inout) :: value               !! stays if the key is not there
         logical, intent(out) :: found
         type(status_type), intent(inout) :: status
+        character(len=len(quantity%unit)) :: unit
 
         found = .false.
         if (.not. status%is_ok()) return
         call get_quantity(place, key, quantity, value, status, found)
         if (.not. (status%is_ok() .and. found)) return
-        if (value < 0) call refuse_value(place, key, place%node%get(key), "= "//to_text(value)//" "//trim(quantity%unit)// &
-            " (expected zero or more)", status)
+        if (value >= 0) return
+        unit = quantity%unit
+        if (unit == "1") unit = ""
+        call refuse_value(place, key, place%node%get(key), "= "//trim(to_text(value)//" "//unit) &
+                          //" (expected zero or more)", status)
     end subroutine read_size
 
     subroutine refuse_double(place, scene, i, status)

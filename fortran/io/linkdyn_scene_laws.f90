@@ -334,7 +334,7 @@ contains
         type(status_type), intent(inout) :: status
 
         if (.not. status%is_ok() .or. value > 0) return
-        call refuse_value(place, key, place%node%get(key), "= "//to_text(value)//" "//unit// &
+        call refuse_value(place, key, place%node%get(key), "= "//trim(to_text(value)//" "//unit)// &
             " (expected more than zero)", status)
     end subroutine require_positive
 end module linkdyn_scene_laws

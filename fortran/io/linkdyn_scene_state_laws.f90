@@ -668,6 +668,7 @@ contains
         character(len=*), intent(in) :: argument       !! column
         type(status_type), intent(inout) :: status
         real(wp), parameter :: close = 1.0e-9_wp
+        real(wp), parameter :: longest_gap = 20            ! 360 beside a table in degrees is radians: 57 times as much
         type(toml_node) :: node
         real(wp) :: span, turns
         integer :: n
@@ -681,6 +682,10 @@ contains
         if (span > law%period*(1 + close)) then
             call refuse_value(place, "period", node, "= "//to_text(law%period)//" "//trim(law%over_unit)// &
                 " is less than the table's "//to_text(span)//" "//trim(law%over_unit)//" (expected rows of one period)", status)
+        else if (law%period > longest_gap*span) then
+            call refuse_value(place, "period", node, "= "//to_text(law%period)//" "//trim(law%over_unit)// &
+                " is more than "//to_text(nint(longest_gap))//" times the table's "//to_text(span)//" "//trim(law%over_unit)// &
+                " (expected rows all along one period; is the unit right?)", status)
         else if (span < law%period*(1 - close)) then
             law%table%time = [law%table%time, law%table%time(1) + law%period]
             law%table%knot = [law%table%knot, law%table%knot(1)]

@@ -6,7 +6,7 @@ module linkdyn_suggest
     public :: suggestion, edit_distance
 
     !> What others call a thing, and what it is called here.
-    character(len=14), parameter :: called(2, 51) = reshape([character(len=14) :: &
+    character(len=14), parameter :: called(2, 87) = reshape([character(len=14) :: &
         "hinge", "revolute", "pin", "revolute", "pivot", "revolute", "slide", "prismatic", "slider", "prismatic", &
         "linear", "prismatic", "ball", "spherical", "hooke", "universal", "cardan", "universal", "weld", "fixed", &
         "helical", "screw", "2d", "planar", "plane", "planar", "3d", "spatial", "space", "spatial", &
@@ -17,7 +17,14 @@ module linkdyn_suggest
         "feet", "ft", "foot", "ft", "gram", "g", "ton", "t", "tonne", "t", &
         "lbs", "lb", "pound", "lb", "sec", "s", "second", "s", "seconds", "s", &
         "hour", "h", "degree", "deg", "degrees", "deg", "grad", "deg", "radian", "rad", &
-        "radians", "rad"], [2, 51])
+        "radians", "rad", "revolution", "rev", "revolutions", "rev", "turn", "rev", "turns", "rev", &
+        "u", "rev", "umdr", "rev", "minute", "min", "minutes", "min", "hr", "h", &
+        "millimeter", "mm", "millimetre", "mm", "millimeters", "mm", "millimetres", "mm", "kilogram", "kg", &
+        "kilograms", "kg", "kilo", "kg", "grams", "g", "hp", "W", "ps", "W", &
+        "amp", "A", "amps", "A", "volts", "V", "watts", "W", "newtons", "N", &
+        "weight", "mass", "torque", "moment", "mu", "coulomb", "gear", "ratio", "gear_ratio", "ratio", &
+        "speed", "rate", "velocity", "rate", "ground", "frame", "fixed", "frame", "body", "link", &
+        "bodies", "link", "motor", "actuator"], [2, 87])
 
 contains
 
@@ -39,7 +46,8 @@ contains
             if (len_trim(words(i)) == 0) cycle
             if (abs(len_trim(words(i)) - len_trim(word)) > nearest) cycle
             distance = edit_distance(trim(word), trim(words(i)))
-            if (distance > nearest .or. distance >= max(len_trim(word), len_trim(words(i)))) cycle
+            ! of two letters one is not enough to tell: 'hp' is no hour
+            if (distance > nearest .or. 2*distance >= max(len_trim(word), len_trim(words(i)))) cycle
             if (best > 0 .and. distance == nearest) cycle
             best = i
             nearest = distance

@@ -247,7 +247,7 @@ contains
         if (scan(text(start + last:start + last), digits) > 0) then
             if (text(at:at) == "," .and. scan(text(at + 1:min(at + 1, len(text))), digits) > 0) hint = "; decimals have a point"
             if (scan(text(at:at), letters) > 0) hint = "; a number with its unit stands in quotes"
-        else if (text(start + last:start + last) == "=" .and. scan(text(at:at), letters) > 0) then
+        else if (scan(text(start + last:start + last), "=[,") > 0 .and. scan(text(at:at), letters) > 0) then
             hint = "; text stands in quotes"
         end if
     end function forgotten

@@ -12,7 +12,7 @@ module linkdyn_units
     implicit none (type, external)
     private
     public :: quantity_type, per_second, over, is_unit, unit_factor
-    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit
+    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit, two_units
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
     public :: pressure, area, second_moment
@@ -216,8 +216,19 @@ contains
             if (any(quantity%power /= 0)) problem = quoted(trim(adjustl(text)))//" has no unit"
         else if (.not. is_same_dimension(power, quantity)) then
             problem = quoted(trim(adjustl(text)))//" is "//dimension_text(power)
+        else if (may_be_turns(text, power, quantity)) then
+            problem = quoted(trim(adjustl(text)))//" may be turns or radians a minute: write rpm or rad/min"
         end if
     end function misfit
+
+    !> An angular rate "1/min", which data sheets mean as turns, though the radian may be left out elsewhere.
+    pure logical function may_be_turns(text, power, quantity)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: power(n_dimension)
+        type(quantity_type), intent(in) :: quantity
+
+        may_be_turns = all(quantity%power == angular_rate%power) .and. power(5) == 0 .and. index(text, "min") > 0
+    end function may_be_turns
 
     !> A number and its unit, if it has one.
     pure subroutine read_value(text, value, has_unit, power, problem)
@@ -261,9 +272,32 @@ contains
         character(len=*), parameter :: basic(*) = pack(units%name, units%takes_prefix)
 
         problem = quoted(name)//" is not a unit that linkdyn knows"
-        if (len_trim(name) > 1) &
-            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//basic, "m"//basic])
+        if (two_units(name) /= "") then
+            problem = problem//"; two units stand apart: "//quoted(two_units(name))
+        else
+            problem = problem//suggestion(name, [character(len=7) :: units%name, "mm", "k"//basic, "m"//basic])
+        end if
     end function unknown_unit
+
+    !> "kg cm" of "kgcm", as data sheets write it; empty if the name is no unit with a length behind it.
+    pure function two_units(name) result(apart)
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: apart
+        type(unit_reading) :: first, second
+        integer :: n
+
+        apart = ""
+        do n = 1, len_trim(name) - 1
+            first = unit_reading()
+            second = unit_reading()
+            call look_up(name(:n), first)
+            call look_up(trim(name(n + 1:)), second)
+            if (.not. (first%is_good .and. second%is_good)) cycle
+            if (any(second%power /= length%power)) cycle
+            apart = name(:n)//" "//trim(name(n + 1:))
+            return
+        end do
+    end function two_units
 
     pure logical function is_same_dimension(power, quantity)
         integer, intent(in) :: power(n_dimension)
