@@ -297,7 +297,7 @@ class RunAccessor:
     def _result(self, quantity: str) -> xr.DataArray:
         known = [str(name) for name, values in self._run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f"]
         if quantity not in known:
-            raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known)})")
+            raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known) or 'none'})")
         return self._run[quantity]
 
     def _peaks(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -167,7 +167,7 @@ def as_mapping(name: str, value: Any, says: str = "a dict with names as keys") -
 def as_path(name: str, value: Any) -> str:
     """A path as text."""
     path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
-    if not isinstance(path, str) or "\0" in path:
+    if not isinstance(path, str) or not path or "\0" in path:
         raise InputError(f"{name}: expected a path, got {quoted(value)}")
     return path
 

@@ -68,7 +68,9 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
     except FileNotFoundError:
         raise MissingFileError(f"{path}: there is no such file") from None
     except (OSError, ValueError, RuntimeError) as error:
-        raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
+        expected = {".toml": ", expected netCDF: a scene is read by linkdyn.load", ".csv": ", expected netCDF: a table is read by pandas"}
+        hint = expected.get(os.path.splitext(path)[1], "")
+        raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error}{hint})") from error
 
 
 def inputs_of(run: xr.Dataset, scene: Scene | None = None) -> list[tuple[str, str]]:

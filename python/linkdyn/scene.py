@@ -103,6 +103,13 @@ def load(path: str | os.PathLike[str]) -> Scene:
     return Scene(Path(as_path("path", path)))
 
 
+def _read_again(text: str, folder: str, file: str | None) -> Scene:
+    """A scene from what `Scene.__reduce__` keeps of it."""
+    scene = Scene(text, folder=folder)
+    scene._file = file
+    return scene
+
+
 class Scene:
     """A mechanism ready to be computed.
 
@@ -135,7 +142,7 @@ class Scene:
     ) -> None:
         data, name, beside, file = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self.folder = as_path("folder", folder if folder is not None else beside)
+        self.folder = as_path("folder", beside if folder is None else "." if isinstance(folder, str) and folder == "" else folder)
         try:
             handle = _bind.open_scene(data, name, self.folder)
         except SceneError as error:
@@ -158,6 +165,10 @@ class Scene:
         self._handles: dict[tuple[str, ...], int] = {(): handle}
         self._jobs: dict[tuple[Any, ...], _Job] = {}
         self._forward: dict[tuple[str, str, bool], tuple[dict[str, tuple[tuple[int, ...], type]], RunTemplate]] = {}
+
+    def __reduce__(self) -> tuple[Callable[[str, str, str | None], Scene], tuple[str, str, str | None]]:
+        """Copies, and what goes to other processes, are read anew: the engine's handle is this scene's, and this process's, own."""
+        return _read_again, (self.text, self.folder, self._file)
 
     def __repr__(self) -> str:
         return (

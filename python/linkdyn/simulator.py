@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
 import xarray as xr
@@ -39,6 +39,15 @@ class SimulatorState:
         self._force = force.copy()
         self.t = t
         self.q, self.qd = _read_only(q.copy()), _read_only(qd.copy())
+
+    def __deepcopy__(self, _: object) -> Self:
+        """It never changes, and what it remembers lies in the engine."""
+        return self
+
+    __copy__ = __deepcopy__
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a SimulatorState cannot be pickled, it lies in this process's memory (its t, q and qd go to Simulator.reset)")
 
     def __repr__(self) -> str:
         return f"<linkdyn.SimulatorState at t = {self.t:g} s>"
@@ -198,6 +207,9 @@ class Simulator:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a Simulator can be neither copied nor pickled (expected another one by scene.simulator(), or its `state`)")
 
     def __repr__(self) -> str:
         return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"

@@ -15,6 +15,7 @@ matplotlib.use("Agg")
 import numpy as np
 import pytest
 import tomli_w
+import xarray
 from matplotlib import pyplot
 
 import linkdyn
@@ -226,6 +227,23 @@ def test_results_of_parts_that_are_not_there(word: str, reason: str) -> None:
         with pytest.raises(linkdyn.LinkdynError, match=f"'{word}': {reason}"):
             compute(want=f"reaction, {word}")
         assert not [name for name in compute(want="all") if name.startswith(word)]
+
+
+def test_no_path_is_no_folder(tmp_path: Path) -> None:
+    """It was read as the current one."""
+    run = linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml").inverse()
+    for attempt in (lambda: linkdyn.load(""), lambda: linkdyn.read(""), lambda: run.linkdyn.to_csv("")):
+        with pytest.raises(linkdyn.InputError, match="expected a path, got ''"):
+            attempt()
+
+
+def test_what_is_no_result_of_linkdyn_says_so(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text('space = "planar"\n')
+    with pytest.raises(linkdyn.FileError, match=r"a scene is read by linkdyn\.load"):
+        linkdyn.read(scene)
+    with pytest.raises(linkdyn.InputError, match=r"the run has no 'reaction' \(expected one of none\)"):
+        xarray.Dataset().linkdyn.worst()
 
 
 def test_no_instants() -> None:
