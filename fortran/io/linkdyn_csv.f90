@@ -53,6 +53,10 @@ contains
             call fail(status, status_bad_input, trim(file)//": this is UTF-16 (expected a text saved as UTF-8)")
             return
         end if
+        if (index(text, "PK"//achar(3)//achar(4)) == 1) then
+            call fail(status, status_bad_input, trim(file)//": this is a workbook or archive (expected it saved as CSV)")
+            return
+        end if
         next = 1
         if (len(text) >= 3) then
             if (text(1:3) == char(239)//char(187)//char(191)) next = 4   ! byte order mark
@@ -224,6 +228,7 @@ contains
             character(len=:), allocatable :: hint
 
             hint = "expected one"
+            if (scan(content, """'") > 0) hint = "expected numbers without quotes"
             if (is_decimal_comma(content)) then
                 hint = "expected a decimal point, not a comma"
             else if (row == 1 .and. is_unit(word_in(content, "[]() "))) then

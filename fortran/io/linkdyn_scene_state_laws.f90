@@ -682,7 +682,7 @@ contains
         if (span > law%period*(1 + close)) then
             call refuse_value(place, "period", node, "= "//to_text(law%period)//" "//trim(law%over_unit)// &
                 " is less than the table's "//to_text(span)//" "//trim(law%over_unit)//" (expected rows of one period)", status)
-        else if (law%period > longest_gap*span) then
+        else if (law%period > longest_gap*span .and. n > 1) then
             call refuse_value(place, "period", node, "= "//to_text(law%period)//" "//trim(law%over_unit)// &
                 " is more than "//to_text(nint(longest_gap))//" times the table's "//to_text(span)//" "//trim(law%over_unit)// &
                 " (expected rows all along one period; is the unit right?)", status)

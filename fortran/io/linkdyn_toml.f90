@@ -242,6 +242,7 @@ contains
         end do
         at = start + column
         if (at > len(text)) return
+        if (index(text(at:), achar(226)//achar(128)) == 1) hint = "; quotes are straight: """    ! as word processors set them
         last = len_trim(text(start + 1:at - 1))
         if (last == 0) return
         if (scan(text(start + last:start + last), digits) > 0) then

@@ -239,14 +239,15 @@ contains
         character(len=:), allocatable, intent(out) :: problem
         real(wp) :: number
         type(unit_reading) :: reading
-        character(len=:), allocatable :: trimmed
+        character(len=:), allocatable :: trimmed, plain
         integer :: n_used
 
         value = 0
         has_unit = .false.
         power = 0
         trimmed = trim(adjustl(text))
-        call parse_number(trimmed, number, n_used)
+        plain = trim(adjustl(ascii_unit(text)))
+        call parse_number(plain, number, n_used)
         problem = ""
         if (n_used == 0) then
             problem = quoted(trimmed)//" does not start with a number"
@@ -256,9 +257,9 @@ contains
             problem = quoted(trimmed)//" is not a finite number"
             return
         end if
-        has_unit = n_used < len(trimmed)
+        has_unit = n_used < len(plain)
         if (has_unit) then
-            call read_product(ascii_unit(trimmed(n_used + 1:)), reading, 0)
+            call read_product(plain(n_used + 1:), reading, 0)
             if (.not. reading%is_good) problem = quoted(trimmed)//": "//unknown_unit(reading%culprit)
         end if
         power = reading%power
@@ -549,6 +550,10 @@ contains
         plain = replaced(plain, c2//char(181), "u")              ! micro sign
         plain = replaced(plain, ce//char(188), "u")              ! Greek mu
         plain = replaced(plain, ce//char(169), "ohm")
+        plain = replaced(plain, e2//char(136)//char(146), "-")  ! minus sign
+        plain = replaced(plain, c2//char(160), " ")              ! blanks that do not break, and narrow ones, of data sheets
+        plain = replaced(plain, e2//char(128)//char(175), " ")
+        plain = replaced(plain, e2//char(128)//char(137), " ")
         plain = replaced(plain, achar(9), " ")
     end function ascii_unit
 

@@ -64,7 +64,10 @@ contains
         call parse_csv("t"//tab//"x"//lf//"0"//tab//"1"//lf, "a.csv", table, status)
         call check(error, status%is_ok() .and. size(table%column) == 2, "tabs "//status%message)
         call expect(error, char(255)//char(254)//"t"//char(0), "a.csv: this is UTF-16 (expected a text saved as UTF-8)")
+        call expect(error, "PK"//char(3)//char(4)//"xl"//lf, "a.csv: this is a workbook or archive (expected it saved as CSV)")
         call expect(error, "t;x"//lf//"0;1,5"//lf, "a.csv:2: column 'x': '1,5' is not a number")
+        call expect(error, "t;x"//lf//"0;""1"""//lf, &
+                    "a.csv:2: column 'x': '""1""' is not a number (expected numbers without quotes)")
     end subroutine test_separators
 
     subroutine test_refusals(error)

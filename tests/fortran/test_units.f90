@@ -43,6 +43,9 @@ contains
         call expect(error, "80 %", plain_number, 80/100.0_wp)
         call expect(error, "0.5", plain_number, 0.5_wp)
         call expect(error, "3 ohm", resistance, 3.0_wp)
+        ! minus and blanks as data sheets have them
+        call expect(error, char(226)//char(136)//char(146)//"20"//char(194)//char(160)//"mm", length, -20/1000.0_wp)
+        call expect(error, "20"//char(226)//char(128)//char(175)//"N"//char(226)//char(128)//char(137)//"m", moment, 20.0_wp)
     end subroutine test_plain
 
     subroutine test_products(error)
