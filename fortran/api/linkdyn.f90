@@ -30,7 +30,7 @@ module linkdyn
         type(c_ptr) :: handle = c_null_ptr
     contains
         procedure :: open_file, open_text, count => count_entries, name => name_of, unit => unit_of, width, motion, inverse, &
-            poses, start, close => close_scene
+            inverse_at, poses, start, close => close_scene
     end type linkdyn_scene
 
     !> A forward run. A copy is the same run.
@@ -132,10 +132,10 @@ module linkdyn
             real(c_double), intent(inout) :: q(*), qd(*), qdd(*), load(*)
         end function c_motion
 
-        integer(c_int) function c_inverse(scene, settings, n, n_q, q, qd, qdd, n_load, load, n_result, results, status) &
-            bind(c, name="linkdyn_compute_inverse")
+        integer(c_int) function c_inverse(scene, settings, n, t, n_q, q, qd, qdd, n_load, load, n_result, results, status) &
+            bind(c, name="linkdyn_compute_inverse_at")
             import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
-            type(c_ptr), value :: scene
+            type(c_ptr), value :: scene, t
             type(c_inverse_settings), intent(in) :: settings
             integer(c_size_t), value :: n, n_q, n_load, n_result
             real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
@@ -339,6 +339,38 @@ contains
         character(len=*), intent(in), optional :: solver       !! default: elimination
         integer, intent(in), optional :: threads               !! default: one
         logical, intent(in), optional :: in_order              !! the samples follow each other along a motion; default: no
+
+        call compute(self, c_null_ptr, q, qd, qdd, load, results, status, code, solver, threads, in_order)
+    end subroutine inverse
+
+    !> The same at instants, for scenes that ask for them: frames that move, payloads and forces over the state that change with time.
+    subroutine inverse_at(self, t, q, qd, qdd, load, results, status, code, solver, threads, in_order)
+        class(linkdyn_scene), intent(in) :: self
+        real(c_double), intent(in), contiguous, target :: t(:)                            !! (n) [s]
+        real(c_double), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :)            !! (n_coordinate, n)
+        real(c_double), intent(in), contiguous :: load(:, :, :)                           !! (6, n_load, n)
+        type(linkdyn_result), intent(in), target :: results(:)
+        integer(c_int), intent(inout), contiguous :: status(:)                            !! (n)
+        integer, intent(out) :: code
+        character(len=*), intent(in), optional :: solver       !! default: elimination
+        integer, intent(in), optional :: threads               !! default: one
+        logical, intent(in), optional :: in_order              !! the samples follow each other along a motion; default: no
+
+        code = linkdyn_bad_input
+        if (.not. agree([size(t), size(q, 2)], "t and q differ in their samples")) return
+        call compute(self, c_loc(t), q, qd, qdd, load, results, status, code, solver, threads, in_order)
+    end subroutine inverse_at
+
+    subroutine compute(self, t, q, qd, qdd, load, results, status, code, solver, threads, in_order)
+        class(linkdyn_scene), intent(in) :: self
+        type(c_ptr), intent(in) :: t                           !! instants; null: none
+        real(c_double), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
+        type(linkdyn_result), intent(in), target :: results(:)
+        integer(c_int), intent(inout), contiguous :: status(:)
+        integer, intent(out) :: code
+        character(len=*), intent(in), optional :: solver
+        integer, intent(in), optional :: threads
+        logical, intent(in), optional :: in_order
         character(kind=c_char, len=:), allocatable, target :: word
         type(c_inverse_settings) :: settings
         character(kind=c_char, len=name_room + 1), target :: names(size(results))
@@ -356,10 +388,10 @@ contains
         do i = 1, size(results)
             names(i) = trim(results(i)%name)//c_null_char
         end do
-        code = c_inverse(self%handle, settings, size(q, 2, c_size_t), size(q, 1, c_size_t), q, qd, qdd, &
+        code = c_inverse(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
                          size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
                          [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))], status)
-    end subroutine inverse
+    end subroutine compute
 
     !> Where the moving links are, each sample on the assembly of the scene's start.
     subroutine poses(self, q, position, axes, status, code)

@@ -132,6 +132,12 @@ int linkdyn_compute_inverse(linkdyn_scene *scene, const linkdyn_inverse_settings
                     const double *q, const double *qd, const double *qdd, size_t n_load, const double *load,
                     size_t n_result, const linkdyn_result *results, int *status);
 
+/* The same at instants t (n) [s], for scenes that ask for them: frames that move, payloads and forces over the state that change with
+ * time. linkdyn_compute_inverse() refuses these. t: NULL is that function. */
+int linkdyn_compute_inverse_at(linkdyn_scene *scene, const linkdyn_inverse_settings *settings, size_t n, const double *t,
+                    size_t n_coordinate, const double *q, const double *qd, const double *qdd, size_t n_load, const double *load,
+                    size_t n_result, const linkdyn_result *results, int *status);
+
 /* Where the moving links are: origins (n, n_link, 3) [m] and axes (n, n_link, 3, 3): x, y and z axis of the link, one after the
  * other, in world axes. Each sample is on the assembly of the scene's start.  status: (n). */
 int linkdyn_find_poses(linkdyn_scene *scene, size_t n, size_t n_coordinate, const double *q, size_t n_link, double *position,

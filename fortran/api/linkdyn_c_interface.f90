@@ -2,8 +2,8 @@
 !>
 !> The names in C are others than those of modules: in Fortran both are global, and gfortran would mix them up.
 module linkdyn_c_interface
-    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_null_char, c_ptr, &
-        c_size_t
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_null_char, &
+        c_null_ptr, c_ptr, c_size_t
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_forward, only: forward_options, choose_method, method_gbs
     use linkdyn_handles, only: close_handle
@@ -205,7 +205,7 @@ contains
         call hold_texts()
         call take_scene(handle, scene, status)
         n = count_from("n", n_sample, status)
-        call see("t", t, 1, n, t1, status)
+        call see_instants(t, n, t1, status)
         if (status%is_ok()) then
             call check_width("coordinate", n_q, scene%model%n_q, status)
             call check_width("load", n_load, scene%model%n_load, status)
@@ -213,10 +213,6 @@ contains
             call see("qd", qd, scene%model%n_q, n, qd1, status)
             call see("qdd", qdd, scene%model%n_q, n, qdd1, status)
             call see("load", load, 6*scene%model%n_load, n, load1, status)
-        end if
-        if (status%is_ok()) then
-            if (.not. all(ieee_is_finite(t1))) call fail(status, status_bad_input, "t[" &
-                //to_text(findloc(ieee_is_finite(t1), .false., dim=1) - 1)//"] is not a finite number")
         end if
         if (status%is_ok()) then
             associate (model => scene%model)
@@ -239,17 +235,28 @@ contains
         type(c_ptr), value :: settings
         integer(c_size_t), value :: n_sample, n_q, n_load, n_result
         type(c_ptr), value :: q, qd, qdd, load, results, sample_status
+
+        code = c_inverse_at(handle, settings, n_sample, c_null_ptr, n_q, q, qd, qdd, n_load, load, n_result, results, sample_status)
+    end function c_inverse
+
+    integer(c_int) function c_inverse_at(handle, settings, n_sample, t, n_q, q, qd, qdd, n_load, load, n_result, results, &
+            sample_status) result(code) bind(c, name="linkdyn_compute_inverse_at")
+        integer(c_intptr_t), value :: handle
+        type(c_ptr), value :: settings
+        integer(c_size_t), value :: n_sample, n_q, n_load, n_result
+        type(c_ptr), value :: t                          !! null: none are given
+        type(c_ptr), value :: q, qd, qdd, load, results, sample_status
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(inverse_options) :: options
         type(inverse_report) :: report
         type(room_type) :: room(n_room)
-        real(c_double), pointer, contiguous :: q1(:), qd1(:), qdd1(:), load1(:), assembly(:)
+        real(c_double), pointer, contiguous :: t1(:), q1(:), qd1(:), qdd1(:), load1(:), assembly(:)
         integer(c_int), pointer, contiguous :: status1(:)
         integer(c_int), allocatable, target :: whole(:)
         integer :: n
 
-        nullify (assembly)
+        nullify (assembly, t1)
         call hold_texts()
         call take_scene(handle, scene, status)
         n = count_from("n", n_sample, status)
@@ -260,6 +267,7 @@ contains
             call see("qd", qd, scene%model%n_q, n, qd1, status)
             call see("qdd", qdd, scene%model%n_q, n, qdd1, status)
             call see("load", load, 6*scene%model%n_load, n, load1, status)
+            if (c_associated(t)) call see_instants(t, n, t1, status)
             call see_integers("status", sample_status, n, status1, status)
             call read_inverse_settings(settings, options, status)
             call see_rooms(scene, results, n_result, n, room, assembly, status)
@@ -269,12 +277,12 @@ contains
             room(findloc(room_id, result_assembly, dim=1))%integer => whole
         end if
         call release_texts()
-        if (status%is_ok()) call compute_inverse(scene, options, 0, n, q1, qd1, qdd1, load1, room, status1, report, status)
+        if (status%is_ok()) call compute_inverse(scene, options, 0, n, q1, qd1, qdd1, load1, room, status1, report, status, t1)
         call hold_texts()
         if (status%is_ok() .and. associated(assembly)) assembly = whole
         call leave_scene(handle, scene)
         code = outcome(status)
-    end function c_inverse
+    end function c_inverse_at
 
     integer(c_int) function c_poses(handle, n_sample, n_q, q, n_link, position, axes, sample_status) result(code) &
         bind(c, name="linkdyn_find_poses")
@@ -600,6 +608,18 @@ contains
         call expect(name, pointer, status)
         if (c_associated(pointer)) call c_f_pointer(pointer, values, [int(width, c_size_t)*n])
     end subroutine see
+
+    subroutine see_instants(pointer, n, t, status)
+        type(c_ptr), intent(in) :: pointer
+        integer, intent(in) :: n
+        real(c_double), pointer, contiguous, intent(out) :: t(:)
+        type(status_type), intent(inout) :: status
+
+        call see("t", pointer, 1, n, t, status)
+        if (.not. status%is_ok()) return
+        if (.not. all(ieee_is_finite(t))) call fail(status, status_bad_input, "t[" &
+            //to_text(findloc(ieee_is_finite(t), .false., dim=1) - 1)//"] is not a finite number")
+    end subroutine see_instants
 
     subroutine see_integers(name, pointer, n, values, status)
         character(len=*), intent(in) :: name

@@ -74,6 +74,26 @@ def test_threads(compiled: Compiled, tmp_path: Path) -> None:
     assert compiled("cc", HERE / "threads.c", "-std=gnu11", "-Wall", "-Werror", "-pthread")(SCENE, broken) == "all alike\n"
 
 
+def test_a_crowd_of_threads(compiled: Compiled) -> None:
+    """Closed forms and iteration, friction, cams, gears, shared reactions, payloads, controllers, frames that move: the same bits as alone."""
+    kinds = ("fourbar_start", "stewart_tsai", "delta", "agile_eye", "valve_train", "planetary_gearbox", "knuckle_press", "screw_lift",
+             "toggle_clamp", "fivebar_pick", "ship_hexapod", "hoist", "four_stroke")  # fmt: skip
+    scenes = [EXAMPLES / kind / "scene.toml" for kind in kinds]
+    assert compiled("cc", HERE / "crowd.c", "-std=gnu11", "-Wall", "-Werror", "-pthread")(*scenes) == "all alike\n"
+
+
+@pytest.mark.parametrize("example", ["ship_hexapod", "hoist", "fivebar_pick"])
+def test_forces_at_instants(compiled: Compiled, example: str) -> None:
+    """Frames that move, laws and payloads that change with time ask for them."""
+    file = EXAMPLES / example / "scene.toml"
+    printed = compiled("cc", HERE / "instants.c", *STRICT)(file)
+    t = 0.1 * np.arange(11)
+    scene = linkdyn.load(file)
+    q, qd, qdd = scene.motion(t)
+    expected = scene.inverse(q=q, qd=qd, qdd=qdd, t=t).driving_force.values
+    np.testing.assert_allclose(np.array(printed.split(), dtype=float).reshape(expected.shape), expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("example", ["fourbar_start", "stewart_tsai", "stewart_drilling", "slider_crank"])
 def test_one_pose_allocates_nothing(compiled: Compiled, example: str) -> None:
     assert compiled("cc", HERE / "allocations.c", "-std=gnu11", "-Wall", "-Werror")(EXAMPLES / example / "scene.toml") == "0\n"

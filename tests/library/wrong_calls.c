@@ -90,6 +90,10 @@ int main(int n_argument, char **argument)
     /* inverse dynamics */
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 2, q, qd, qdd, 2, load, 1, &wanted, status), "n_coordinate");
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 0, NULL, 1, &wanted, status), "n_load");
+    {
+        const double never = NAN;
+        REFUSED(linkdyn_compute_inverse_at(scene, NULL, 1, &never, 1, q, qd, qdd, 2, load, 1, &wanted, status), "t[0]");
+    }
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, NULL, qd, qdd, 2, load, 1, &wanted, status), "q is a null pointer");
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 2, NULL, 1, &wanted, status), "load is a null pointer");
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 2, load, 1, NULL, status), "results is a null pointer");
