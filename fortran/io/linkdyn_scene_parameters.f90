@@ -51,11 +51,12 @@ module linkdyn_scene_parameters
 contains
 
     !> Refuse a path that leads to no number.
-    subroutine check_parameter(place, root, path, allows_list, status)
+    subroutine check_parameter(place, root, path, allows_list, number, status)
         type(scene_place), intent(in) :: place
         type(toml_node), intent(in) :: root
         character(len=*), intent(in) :: path
         logical, intent(in) :: allows_list      !! a list of numbers will do
+        type(measured_value), intent(out) :: number    !! that stands there, of a list its last
         type(status_type), intent(inout) :: status
         type(number_at) :: found
         type(variable_table) :: variables       !! a copy: looking is no use of them
@@ -64,21 +65,21 @@ contains
         if (.not. status%is_ok()) return
         variables = place%variables
         call walk(root, trim(path), found, problem)
-        if (problem == "") call check_numbers(found%node, variables, allows_list, problem)
+        if (problem == "") call check_numbers(found%node, variables, allows_list, number, problem)
         if (problem /= "") call refuse(place, "parameter "//quoted(path)//": "//problem, status)
     end subroutine check_parameter
 
-    recursive subroutine check_numbers(node, variables, allows_list, problem)
+    recursive subroutine check_numbers(node, variables, allows_list, value, problem)
         type(toml_node), intent(in) :: node
         type(variable_table), intent(inout) :: variables
         logical, intent(in) :: allows_list
+        type(measured_value), intent(inout) :: value
         character(len=:), allocatable, intent(inout) :: problem
-        type(measured_value) :: value
         integer :: i
 
         if (node%kind() == toml_array .and. allows_list) then
             do i = 1, node%count()
-                call check_numbers(node%at(i), variables, .true., problem)
+                call check_numbers(node%at(i), variables, .true., value, problem)
             end do
         else
             call number_of(node, variables, value, problem)

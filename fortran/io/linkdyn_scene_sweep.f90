@@ -16,7 +16,7 @@ module linkdyn_scene_sweep
     use linkdyn_sweep_plan, only: longest_table
     use linkdyn_sweep_spec, only: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec, axis_coordinate, axis_rate, &
         axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
-        sampling_sobol, sampling_name, set_value, operation_name, quantity_name, n_quantity, axis_name_len, &
+        sampling_sobol, sampling_name, set_value, multiply_by, operation_name, quantity_name, n_quantity, axis_name_len, &
         quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
         quantity_torque_margin, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
@@ -25,7 +25,7 @@ module linkdyn_scene_sweep
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
-        time_span, wattage, per_second
+        time_span, wattage, per_second, dimension_text
     use linkdyn_expression, only: measured_value
     use linkdyn_variables, only: measured_of_text
     use linkdyn_scene_variables, only: forbid_varied_variables
@@ -139,7 +139,7 @@ contains
         case (axis_load)
             call find_load(place, scene, axis, quantity, status)
         case (axis_parameter)
-            call read_parameter(place, root, axis, status)
+            call read_parameter(place, root, axis, quantity, status)
         case (axis_time)
             call read_time_axis(place, scene, axis, quantity, status)
         case default
@@ -253,11 +253,13 @@ contains
     end subroutine find_load
 
     !> One path, or a list of them with weights.
-    subroutine read_parameter(place, root, axis, status)
+    subroutine read_parameter(place, root, axis, quantity, status)
         type(scene_place), intent(in) :: place
         type(toml_node), intent(in) :: root
         type(axis_spec), intent(inout) :: axis
+        type(quantity_type), intent(inout) :: quantity          !! of its values; without a name where the file does not say
         type(status_type), intent(inout) :: status
+        type(measured_value) :: number
         type(toml_node) :: node, item, weights
         character(len=:), allocatable :: path
         logical :: found, is_text
@@ -294,7 +296,11 @@ contains
             end do
         end if
         do i = 1, size(axis%parameter)
-            call check_parameter(place, root, axis%parameter(i)%path, axis%operation /= set_value, status)
+            call check_parameter(place, root, axis%parameter(i)%path, axis%operation /= set_value, number, status)
+            if (axis%operation == multiply_by) cycle
+            if (i == 1) quantity%power = number%power
+            quantity%name = ""
+            if (number%has_unit .and. all(number%power == quantity%power)) quantity%name = dimension_text(number%power)
         end do
         axis%name = trim(axis%parameter(1)%path)
         if (size(axis%parameter) > 1) axis%name = trim(axis%name)//", ..."
@@ -394,7 +400,7 @@ contains
         end subroutine need
     end subroutine read_values
 
-    !> A value of an axis; that of a parameter may have any unit.
+    !> A value of an axis; that of a parameter may have any unit of its dimension, if the file says which that is.
     subroutine value_of(place, key, node, quantity, axis, value, status)
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: key
@@ -412,8 +418,12 @@ contains
             call node%get_text(text, is_text)
             call measured_of_text(text, place%variables, found, problem)
             value = found%value
-            if (problem /= "") call refuse_value(place, key, node, "= "//problem//" (expected a number, or a text with its unit)", &
-                status)
+            if (problem /= "") then
+                call refuse_value(place, key, node, "= "//problem//" (expected a number, or a text with its unit)", status)
+            else if (found%has_unit .and. quantity%name /= "" .and. any(found%power(:4) /= quantity%power(:4))) then
+                call refuse_value(place, key, node, "= "//quoted(text)//" is "//dimension_text(found%power)//" (expected "// &
+                    trim(quantity%name)//")", status)
+            end if
         else
             call quantity_of(place, key, node, quantity, value, status)
         end if

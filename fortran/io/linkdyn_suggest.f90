@@ -46,8 +46,7 @@ contains
             if (len_trim(words(i)) == 0) cycle
             if (abs(len_trim(words(i)) - len_trim(word)) > nearest) cycle
             distance = edit_distance(trim(word), trim(words(i)))
-            ! of two letters one is not enough to tell: 'hp' is no hour
-            if (distance > nearest .or. 2*distance >= max(len_trim(word), len_trim(words(i)))) cycle
+            if (distance > nearest .or. distance >= max(len_trim(word), len_trim(words(i)))) cycle
             if (best > 0 .and. distance == nearest) cycle
             best = i
             nearest = distance
