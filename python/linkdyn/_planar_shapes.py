@@ -254,12 +254,19 @@ def _hatch(ax: Axes, start: Points, stop: Points, below: Points, unit: float) ->
     ax.plot(*np.concatenate([strokes, gaps], axis=1).reshape(-1, 2).T, color="0.35", linewidth=0.8, zorder=1.5)
 
 
+def _corners(markers: dict[str, Points], held: set[str]) -> Points:
+    """Between what a link is drawn: its joints; of one joint and another marker, both."""
+    joints = distinct(np.array([markers[name][:2] for name in held or markers]))
+    everything = distinct(np.array([point[:2] for point in markers.values()]))
+    return everything if len(joints) == 1 and len(everything) == 2 else joints
+
+
 def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str) -> None:
-    """A bar between two joints, a plate between more; further markers on a pale plate."""
+    """A bar between two joints, or from the only one to its tip, a plate between more; further markers on a pale plate."""
     if not markers:
         return
     everything = distinct(np.array([point[:2] for point in markers.values()]))
-    corners = distinct(np.array([markers[name][:2] for name in held or markers]))
+    corners = _corners(markers, held)
     if len(everything) > max(2, len(corners)):
         hull = everything[around(everything)]
         ax.add_patch(Polygon(hull, facecolor=lighter(colour, 0.22), edgecolor=lighter(colour, 0.7), linewidth=1.2, zorder=2.5))
@@ -309,7 +316,7 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
     for k, markers in enumerate(posture.markers[1:], start=1):
         if k in hidden or not markers:
             continue
-        corners = distinct(np.array([markers[name][:2] for name in jointed(posture, k) or markers]))
+        corners = _corners(markers, jointed(posture, k))
         anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
     taken = np.concatenate([_sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])
     for patch in ax.patches:

@@ -276,7 +276,7 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
     add(["peak\ntorque"], [peak], "N m")
     columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in at]))
     add(["rms\ntorque"], [np.atleast_1d(rms(torque, weights))], "N m")
-    add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0]], "rad/s")
+    add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0] * 30 / np.pi], "rpm")  # as data sheets have it
     add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
     if "motor_current" in run:
         current = run.motor_current.values

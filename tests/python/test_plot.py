@@ -243,3 +243,10 @@ def test_film_without_ffmpeg_says_so(turn, monkeypatch, tmp_path):
     monkeypatch.setattr(animation.writers, "is_available", lambda name: False)
     with pytest.raises(linkdyn.UnavailableError, match="ffmpeg"):
         plot.animate(turn, tmp_path / "motion.mp4")
+
+
+def test_the_tip_of_a_link_is_the_end_of_a_bar() -> None:
+    """A pole on one pin and the pole's tip were joined by a thin line."""
+    _, axes = plot.mechanism(linkdyn.load(EXAMPLES / "cart_pole" / "scene.toml"))
+    bars = [line for line in axes.lines if line.get_linewidth() > 3 and np.hypot(*np.ptp(line.get_xydata(), axis=0)) > 0.9]
+    assert len(bars) == 2  # its edge and itself
