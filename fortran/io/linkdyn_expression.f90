@@ -690,6 +690,8 @@ contains
             call fail(reader, unknown_unit(unit))
         else if (index(rest_of(reader), ",") == 1) then
             call fail(reader, "has a comma (decimals have a point)")
+        else if (index(rest_of(reader), ":") == 1) then
+            call fail(reader, "has a colon (ratios have '/')")
         else
             call fail(reader, "has "//quoted(rest_of(reader))//" where an operator is expected")
         end if
