@@ -367,10 +367,11 @@ contains
                 case (quantity_reaction)
                     call copy_rows(quantity%n, n, of(result_reaction)%x(:, :n), which, row%n, first, value)
                 case (quantity_reaction_force)
-                    call take_lengths(n_component, quantity%n, n, 0, n_force, of(result_reaction)%x(:, :n), which, row%n, first, value)
+                    call take_lengths(n_component, quantity%n, n, 0, n_force, of(result_reaction)%x(:, :n), which, row%n, &
+                                      first, value)
                 case (quantity_reaction_moment)
-                    call take_lengths(n_component, quantity%n, n, n_force, n_component - n_force, of(result_reaction)%x(:, :n), which, &
-                                      row%n, first, value)
+                    call take_lengths(n_component, quantity%n, n, n_force, n_component - n_force, of(result_reaction)%x(:, :n), &
+                                      which, row%n, first, value)
                 case default
                     do s = 1, n
                         value(first + 1:first + quantity%n, which(s)) = motor_load(quantity%id, s)
