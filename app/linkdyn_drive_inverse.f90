@@ -13,6 +13,7 @@ module linkdyn_drive_inverse
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
+    use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
         samples_width, find_driving_power, view_motor_loads, flag_unsound, result_time, result_q, result_qd, result_qdd, &
@@ -187,7 +188,8 @@ contains
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results, status)
+            if (.not. status%is_ok()) return
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
             call add_to_summary(layout, block, n, results%roads, trail%n_crossed, part, results%lost_sample, &
@@ -221,7 +223,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, results)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, results, status)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -233,7 +235,12 @@ contains
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
         type(turn_count), allocatable, intent(inout) :: turns    !! not allocated: turns are not counted
         type(inverse_results), intent(out) :: results !! where they are in the block, and what is said of all
+        type(status_type), intent(inout) :: status
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
+        ! of samples near poles, which tables of quaternions alone may pass
+        real(wp) :: attitude(attitude_size, model%n_attitude, merge(n, 0, any(model%scene%coordinate%motion%angle > 0)))
+        real(wp), allocatable :: turned(:, :, :)      ! absent: all attitudes go by their angles
+        real(wp), allocatable, target :: spin(:, :), spin_rate(:, :)
 
         call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_q, n, block, q)
@@ -257,15 +264,23 @@ contains
             qd = states%qd(:, first:first + n - 1)
             qdd = states%qdd(:, first:first + n - 1)
             call evaluate_loads(model, time, scratch%load(:, :, :n))
+            attitude = 0
         else
             call sample_times(model, first, time)
-            call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
+            call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n), attitude)
         end if
         if (allocated(states%time) .and. .not. states%is_motion) then
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, t=time)
         else
+            if (any(attitude /= 0)) then
+                call refuse_way_past_pole(model, attitude, time, status)
+                if (.not. status%is_ok()) return
+                call turn_by_quaternion(model, attitude, qd, qdd, spin, spin_rate, turned)
+                qd => spin
+                qdd => spin_rate
+            end if
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns, &
-                              t=time)
+                              t=time, quaternion=turned)
         end if
         if (associated(power)) &
             call find_driving_power(layout, results%of(result_driving_force)%x, results%of(result_joint_rate)%x, speed, power)

@@ -134,11 +134,12 @@ module linkdyn_inverse
         end subroutine count_turns_about
 
         !> Joint angles of samples that follow each other get the turns that they make on the straight way from one to the next.
-        module subroutine count_turns_on_way(model, closing, q, qd, rate, assembly, variable, turns)
+        module subroutine count_turns_on_way(model, closing, q, qd, rate, turned, assembly, variable, turns)
             type(model_type), intent(in) :: model
             type(closing_programs), pointer, intent(in) :: closing    !! of the groups' steps; null: there are none
             real(wp), intent(in) :: q(:, :), qd(:, :)      !! (n_q, n)
             real(wp), intent(in) :: rate(:, :)             !! of the joint variables (n_variable, n)
+            logical, intent(in) :: turned(:)               !! attitudes of a sample go by quaternions (n)
             type(sample_assembly), intent(in) :: assembly  !! of the samples; empty: there is but one
             real(wp), intent(inout) :: variable(:, :)      !! (n_variable, n); samples that failed are NaN
             type(turn_count), intent(inout) :: turns       !! of the samples before, then of the last of these
@@ -371,7 +372,8 @@ contains
         type(model_type), intent(in), optional :: own           !! that other model; absent: no coordinate stands in
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         real(wp), intent(in), optional :: quaternion(:, :, :)   !! (4, n_attitude, n), 0 where an attitude is given by its angles;
-                                                                !! the others' rates are angular velocities
+                                                                !! the others' rates are angular velocities. Samples have all
+                                                                !! attitudes so, or none, or the same ones throughout
         real(wp), intent(in), optional :: t(:)                  !! instants, for laws over the state that ask for them [s] (n), or one
                                                                 !! for all; absent: 0
         real(wp), intent(in), optional :: stop_force(:, :)      !! of stops at which something rests (n_stop, n) [N, N m]; absent: none
@@ -382,11 +384,12 @@ contains
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
-        integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
+        integer, allocatable :: left(:)                         ! samples for the lanes; absent: all
+        logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions
         type(left_places) :: stand                              ! there, if these are to share reactions
         integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
-        integer :: n, n_all, n_left, n_dense
+        integer :: n, n_all, n_left, n_dense, i
         real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
         logical :: has_stand_ins, is_on_way, shares, counts_turns
 
@@ -398,14 +401,16 @@ contains
             allocate (own_rate(model%n_variable, n))
             call results%put(result_joint_rate, own_rate)
         end if
+        turned = [(.false., i=1, n)]
+        if (present(quaternion)) turned = [(any(quaternion(:, :, i) /= 0), i=1, n)]
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded, margins, closer)
-        if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
+        if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
             call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
-            (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
+            (has_stand_ins .or. present(known) .or. all(turned) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
             if (is_on_way) call need_margins(model, solver, q, by_record%record)
             by_record%threads = threads
@@ -433,17 +438,16 @@ contains
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left, t)
             end if
         end if
-        if (n_left > 0) then
-            if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
-                                  stand%status(n_left))
-            wanted = forces_beside(results)
-            if (shares .and. results%wants(result_reaction) .and. size(model%arm) > 0) then
-                wanted = [wanted, result_joint_push]
-                allocate (stand%push(model%n_component, model%n_joint, n_left))
-            end if
-            call run_on_lanes()
-            if (shares .and. .not. is_interrupted()) call share()
+        if (any(turned) .and. .not. all(turned)) then
+            ! blocks of lanes have samples of one kind
+            if (.not. allocated(left)) left = [(i, i=1, n_left)]
+            left = pack(left, .not. turned(left))
+            n_left = size(left)
+            call run_left()
+            left = pack([(i, i=1, n)], turned)
+            n_left = size(left)
         end if
+        call run_left()
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
@@ -461,13 +465,30 @@ contains
             if (present(own)) then
                 call count_turns_about(own, results%of(result_joint_variable)%x, turns)
             else
-                call count_turns_on_way(model, solver%places%closing, q, qd, results%of(result_joint_rate)%x, assembly, &
+                call count_turns_on_way(model, solver%places%closing, q, qd, results%of(result_joint_rate)%x, turned, assembly, &
                                         results%of(result_joint_variable)%x, turns)
             end if
             if (allocated(own_rate)) nullify (results%of(result_joint_rate)%x)
         end if
 
     contains
+
+        !> The samples that are left.
+        subroutine run_left()
+            type(left_places) :: nobody
+
+            if (n_left == 0) return
+            stand = nobody
+            if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
+                                  stand%status(n_left))
+            wanted = forces_beside(results)
+            if (shares .and. results%wants(result_reaction) .and. size(model%arm) > 0) then
+                wanted = [wanted, result_joint_push]
+                allocate (stand%push(model%n_component, model%n_joint, n_left))
+            end if
+            call run_on_lanes()
+            if (shares .and. .not. is_interrupted()) call share()
+        end subroutine run_left
 
         !> What the equations leave open, and whether the joints fit that were released, where no record has told: by where the
         !> lanes have found the links.
@@ -641,7 +662,8 @@ contains
             integer :: lane, sample
 
             workspace%state%by_quaternion = .false.
-            if (present(quaternion)) workspace%state%by_quaternion = any(quaternion(:, :, (block - 1)*lanes + 1) /= 0, dim=1)
+            if (present(quaternion)) &
+                workspace%state%by_quaternion = any(quaternion(:, :, sample_of((block - 1)*lanes + 1)) /= 0, dim=1)
             do lane = 1, lanes
                 sample = sample_of(min((block - 1)*lanes + lane, n_left))
                 workspace%state%q(lane, :) = q(:, sample)

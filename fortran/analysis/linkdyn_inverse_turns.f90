@@ -32,7 +32,9 @@ contains
         do i = 1, size(variable, 2)
             if (.not. all(abs(variable(:, i)) + abs(rate(:, i)) <= huge(1.0_wp))) cycle
             about = 0
-            if (turns%has_begun .and. any(angles%coordinate == 0) .and. .not. is_anew(assembly, i)) then
+            if (goes_by_quaternion(i)) then
+                ! rates of angles do not tell the way there: an angle is within half a turn of the one before
+            else if (turns%has_begun .and. any(angles%coordinate == 0) .and. .not. is_anew(assembly, i)) then
                 if (last > 0) then
                     call turn_at_mean_rates(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
                                             variable(:, last), variable(:, i), about, is_sure)
@@ -55,6 +57,18 @@ contains
         if (associated(solver%pool)) call solver%free()
 
     contains
+
+        !> Does a sample, or the one before?
+        logical function goes_by_quaternion(i)
+            integer, intent(in) :: i
+
+            goes_by_quaternion = turned(i)
+            if (last > 0) then
+                goes_by_quaternion = goes_by_quaternion .or. turned(last)
+            else
+                goes_by_quaternion = goes_by_quaternion .or. turns%by_quaternion
+            end if
+        end function goes_by_quaternion
 
         !> Along the way from the last sample.
         subroutine look_closer(i)
@@ -84,6 +98,7 @@ contains
             turns%rate = rate(:, last)
             turns%q = q(:, last)
             turns%qd = qd(:, last)
+            turns%by_quaternion = turned(last)
             if (.not. allocated(assembly%branch)) return
             turns%branch = assembly%branch(:, last)
             if (.not. allocated(assembly%place)) return

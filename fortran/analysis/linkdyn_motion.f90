@@ -1,10 +1,13 @@
 !> The scene's own motion: coordinates and loads at given times.
 module linkdyn_motion
+    use linkdyn_angles, only: is_near_pole
+    use linkdyn_given_attitudes, only: take_attitudes
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, gives_attitude, attitude_angles
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_over
+    use linkdyn_table, only: table_place, find_places, attitude_at
     implicit none (type, external)
     private
     public :: evaluate_motion, evaluate_loads, lane_loads, sample_count, sample_times
@@ -35,12 +38,17 @@ contains
     end subroutine sample_times
 
     !> Coordinates with derivatives, and the components of all loads. A coordinate without a law rests at its start.
-    pure subroutine evaluate_motion(model, t, q, qd, qdd, load)
+    !>
+    !> Where tables of quaternions lead an attitude near its pole, the rates of its angles are not numbers. Who can go by the
+    !> attitude itself asks for it, and gets them as well as they are known.
+    pure subroutine evaluate_motion(model, t, q, qd, qdd, load, attitude)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(:)             !! [s] (n)
         real(wp), intent(out) :: q(:, :)         !! (n_q, n)
         real(wp), intent(out) :: qd(:, :), qdd(:, :)
         real(wp), intent(out) :: load(:, :, :)   !! (6, n_load, n)
+        real(wp), intent(out), optional :: attitude(:, :, :)    !! of samples that have to go by it, of others 0
+                                                                !! (attitude_size, n_attitude, n)
         type(law_instants) :: instants
         integer :: first, last, k
 
@@ -61,7 +69,37 @@ contains
             end do
         end do
         call evaluate_loads(model, t, load)
+        if (.not. present(attitude)) return
+        attitude = 0
+        if (any(model%scene%coordinate%motion%angle > 0)) call pass_poles(model, t, q, qd, qdd, attitude)
     end subroutine evaluate_motion
+
+    !> Instants at which an attitude that a table of quaternions tells is near its pole.
+    pure subroutine pass_poles(model, t, q, qd, qdd, attitude)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(:)
+        real(wp), intent(inout) :: q(:, :), qd(:, :), qdd(:, :), attitude(:, :, :)
+        real(wp) :: angle(3)
+        type(table_place) :: place(1)
+        integer :: i, s, near, c(3)
+
+        near = 1
+        do s = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(s))) cycle
+            c = attitude_angles(model%step(s))
+            associate (law => model%scene%coordinate(c(1))%motion, first => model%step(s)%first)
+                if (law%angle == 0) cycle
+                do i = 1, size(t)
+                    if (.not. is_near_pole(q(c, i))) cycle
+                    call find_places(law%time, t(i:i), near, place)
+                    call attitude_at(law, place(1), attitude(:4, first, i), attitude(5:7, first, i), attitude(8:10, first, i))
+                    angle = q(c, i)                      ! with its turns
+                    call take_attitudes(model, attitude(:, :, i:i), q(:, i:i), qd(:, i:i), qdd(:, i:i))
+                    q(c, i) = angle
+                end do
+            end associate
+        end do
+    end subroutine pass_poles
 
     !> Components of all loads; one without a law is zero.
     pure subroutine evaluate_loads(model, t, load)

@@ -31,6 +31,7 @@ module linkdyn_turns
         real(wp), allocatable :: about(:, :)           !! where angles of the next samples are; absent: nobody knows (n_variable, n)
         ! ---- where nobody knows
         real(wp), allocatable :: q(:), qd(:)           !! (n_q)
+        logical :: by_quaternion = .false.             !! attitudes went by quaternions, so qd has angular velocities for them
         real(wp), allocatable :: rate(:)               !! of the joint variables (n_variable)
         real(wp), allocatable :: branch(:)             !! its assembly, see `sample_assembly`; absent: there is but one
         real(wp), allocatable :: set_out(:), place(:, :)

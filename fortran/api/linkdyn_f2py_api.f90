@@ -28,6 +28,7 @@ module linkdyn_f2py_api
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, compute_inverse, check_size, &
         check_finite
+    use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
@@ -52,7 +53,8 @@ module linkdyn_f2py_api
     private
     public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
-    public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads
+    public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads, &
+              api_attitudes
     public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
@@ -324,21 +326,24 @@ contains
     end subroutine api_generate
 
     !> Coordinates, their derivatives and the loads of the scene at given instants.
-    subroutine api_motion(handle, n, t, n_q_values, q, qd, qdd, n_load_values, load, code, message)
+    subroutine api_motion(handle, n, t, n_q_values, q, qd, qdd, n_attitude, attitude, n_load_values, load, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
-        integer(c_int), intent(in) :: n, n_q_values, n_load_values
+        integer(c_int), intent(in) :: n, n_q_values, n_attitude, n_load_values
         real(c_double), intent(in) :: t(n)                                 ! [s]
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)  ! (n_q, n)
+        real(c_double), intent(inout), target :: attitude(n_attitude)      ! as of `evaluate_motion` (10, n_attitude, n); one: unasked
         real(c_double), intent(inout), target :: load(n_load_values)       ! (6, n_load, n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
-        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :)
+        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :), load3(:, :, :)
 
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
+        if (status%code == 0 .and. n_attitude > 1) call check_size("attitude", int(n_attitude, int64), &
+                                                                   attitude_size*scene%model%n_attitude, n, status)
         if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
                                                6*scene%model%n_load, n, status)
         if (status%code == 0) then
@@ -346,11 +351,44 @@ contains
             qd2(1:scene%model%n_q, 1:n) => qd
             qdd2(1:scene%model%n_q, 1:n) => qdd
             load3(1:6, 1:scene%model%n_load, 1:n) => load
-            call evaluate_motion(scene%model, t, q2, qd2, qdd2, load3)
+            if (n_attitude > 1) then
+                attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => attitude
+                call evaluate_motion(scene%model, t, q2, qd2, qdd2, load3, attitude3)
+            else
+                call evaluate_motion(scene%model, t, q2, qd2, qdd2, load3)
+            end if
         end if
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_motion
+
+    !> Attitudes that are known as quaternions, with angular velocity and acceleration, as coordinates: see `take_attitudes`.
+    subroutine api_attitudes(handle, n, n_attitude, attitude, n_q_values, q, qd, qdd, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_attitude, n_q_values
+        real(c_double), intent(inout), target :: attitude(n_attitude)      ! (10, n_attitude, n)
+        real(c_double), intent(inout), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)  ! (n_q, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :)
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("attitude", int(used(n_attitude, scene%model%n_attitude), int64), &
+                                               attitude_size*scene%model%n_attitude, n, status)
+        if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
+        if (status%code == 0) then
+            attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => attitude
+            q2(1:scene%model%n_q, 1:n) => q
+            qd2(1:scene%model%n_q, 1:n) => qd
+            qdd2(1:scene%model%n_q, 1:n) => qdd
+            call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_attitudes
 
     !> How the frame moves: x y z roll pitch yaw with their derivatives.
     subroutine api_frame_motion(handle, n, t, n_pose_values, pose, code, message)
@@ -475,7 +513,8 @@ contains
 
     !> Inverse dynamics of a batch. Where results go is said by addresses, so that there may be any number of them.
     subroutine api_inverse(handle, solver, threads, first, in_order, n_place, place, length, n, n_q_values, q, qd, qdd, &
-            n_load_values, load, n_t, t, sample_status, roads, n_passed, lost_sample, lost_in_words, code, message)
+            n_load_values, load, n_t, t, n_attitude, attitude, sample_status, roads, n_passed, lost_sample, &
+            lost_in_words, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         character(len=*), intent(in) :: solver
@@ -487,10 +526,11 @@ contains
                                                            ! result is not wanted
         integer(c_intptr_t), intent(in) :: length(n_place) ! numbers for which each has room: values of a sample, times n
         integer(c_int), intent(in) :: n                    ! samples
-        integer(c_int), intent(in) :: n_q_values, n_load_values, n_t
+        integer(c_int), intent(in) :: n_q_values, n_load_values, n_t, n_attitude
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n); one of them: all
         real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
+        real(c_double), intent(in) :: attitude(n_attitude)                                       ! of `take_attitudes`; one 0: none
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
         integer(c_int), intent(out) :: n_passed            ! change points, where the samples follow each other
@@ -517,7 +557,7 @@ contains
                 if (place(i) /= 0) call open_room(place(i), length(i), room_id(i), room(i))
             end do
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
-                                 sample_status, found, status, t)
+                                 sample_status, found, status, t, attitude(:used(n_attitude, scene%model%n_attitude)))
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
         n_passed = found%n_passed

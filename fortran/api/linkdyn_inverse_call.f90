@@ -5,6 +5,7 @@ module linkdyn_inverse_call
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_finite, only: all_are_finite
+    use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared, solver_lapack
     use linkdyn_inverse_results, only: result_width, is_of_inverse
     use linkdyn_lane_count, only: lanes
@@ -81,7 +82,7 @@ contains
     !> A batch. A sample that fails has its status, and NaN for results.
     !>
     !> **Errors**: arrays of a wrong size, input that is not finite, a scene or solver that cannot give what is wanted.
-    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status, t)
+    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status, t, attitude)
         type(open_scene), intent(inout) :: scene
         type(inverse_options), intent(in) :: options     !! what is wanted of its errors, rcond, distance is seen from the rooms
         integer, intent(in) :: first                     !! number of the first sample in messages
@@ -93,12 +94,16 @@ contains
         type(inverse_report), intent(inout) :: report
         type(status_type), intent(inout) :: status
         real(c_double), intent(in), optional :: t(:)     !! instants [s], for laws over the state that ask for them (n), or one for all
+        real(c_double), intent(in), optional :: attitude(:)      !! of `take_attitudes` (attitude_size*n_attitude*n), or one 0
         type(inverse_solver), pointer :: solver
         type(assembly_trail) :: trail
         type(turn_count) :: turns
         type(inverse_results) :: results
         type(inverse_options) :: own
         real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
+        real(c_double), allocatable :: turned(:, :, :)   ! absent: all attitudes go by their angles
+        real(c_double), allocatable, target :: spin(:, :), spin_rate(:, :)
+        logical :: by_quaternion
         integer :: n_given, i                            ! loads, as many as samples or one
 
         own = options
@@ -115,6 +120,11 @@ contains
                                                 status)
         if (status%is_ok()) call check_input(scene%model, first, n, n_given, q, qd, qdd, load, status)
         if (status%is_ok() .and. .not. present(t)) call require_no_instants(scene%model%scene, status)
+        by_quaternion = .false.
+        if (present(attitude)) by_quaternion = any(attitude /= 0)
+        if (by_quaternion) call check_size("attitude", size(attitude, kind=int64), attitude_size*scene%model%n_attitude, n, status)
+        if (by_quaternion .and. own%in_order .and. status%is_ok()) call refuse_way_past_pole( &
+            scene%model, reshape(attitude, [attitude_size, scene%model%n_attitude, n]), t, status)
         call release_texts()
         if (.not. status%is_ok()) return
         associate (model => scene%model)
@@ -131,10 +141,17 @@ contains
                 call results%add(model, result_driving_force, n)
                 call results%add(model, result_joint_rate, n)
             end if
+            if (by_quaternion) then
+                call turn_by_quaternion(model, reshape(attitude, [attitude_size, model%n_attitude, n]), qd2, qdd2, spin, &
+                                        spin_rate, turned)
+                qd2 => spin
+                qdd2 => spin_rate
+            end if
             if (own%in_order) then
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns, t=t)
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns, t=t, &
+                                  quaternion=turned)
             else
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, t=t)
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, t=t, quaternion=turned)
             end if
             report%roads = results%roads
             report%lost_sample = results%lost_sample

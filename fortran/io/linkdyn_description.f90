@@ -3,10 +3,10 @@ module linkdyn_description
     use linkdyn_assemblies, only: assembly_list
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type, shared_reactions
+    use linkdyn_model, only: model_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
-        marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
+    use linkdyn_scene, only: share_name, name_len, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
+        load_spec, marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
         n_event, n_stop, n_controller, n_clutch, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
@@ -47,6 +47,10 @@ contains
         text = text//'],"coordinates":['
         do i = 1, size(scene%coordinate)
             text = text//separator(i)//coordinate_object(scene, scene%coordinate(i))
+        end do
+        text = text//'],"attitudes":['
+        do i = 1, model%n_attitude
+            text = text//separator(i)//attitude_object(model, i)
         end do
         text = text//'],"actuators":['
         do i = 1, size(scene%actuator)
@@ -95,6 +99,27 @@ contains
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
         text = text//"}"
     end function parts_as_json
+
+    !> An attitude that three coordinates tell: by which these begin, from 0, of what, and whether a table of quaternions leads it.
+    function attitude_object(model, attitude) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: attitude
+        character(len=:), allocatable :: text
+        character(len=name_len) :: name
+        integer :: s, c(3)
+
+        text = ""
+        do s = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(s))) cycle
+            if (model%step(s)%first /= attitude) cycle
+            c = attitude_angles(model%step(s))
+            name = model%scene%coordinate(c(1))%name
+            name = name(:index(name, ".", back=.true.) - 1)
+            text = "{"//pair("name", string(name))//","//pair("is_pose", logical_value(model%step(s)%kind == step_pose))//","// &
+                   pair("angles", numbers(real(c - 1, wp)))//","// &
+                   pair("by_table", logical_value(model%scene%coordinate(c(1))%motion%angle > 0))//"}"
+        end do
+    end function attitude_object
 
     !> Assemblies of a model, each with its branches, joint variables and places of the links.
     function assemblies_as_json(model, list) result(text)

@@ -8,8 +8,9 @@ module linkdyn_scene_links
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: length, angle, mass, inertia
     use linkdyn_scene_elastic, only: read_elastic, mirror_arms
-    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, &
-        angles_of_matrix, matrix_of_angles
+    use linkdyn_angles, only: angles_of_matrix, matrix_of_angles
+    use linkdyn_scene_attitudes, only: attitude_key, get_attitude
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, pattern_key, refuse, refuse_value, refuse_missing, allow_keys, &
         require_table, get_quantity, quantity_of, get_vector, vector_of, get_direction, &
         get_name, get_text, get_word, get_flag, require_name
@@ -274,9 +275,9 @@ contains
             call get_vector(inner, "position", length, link%start(:2), status, found)
             call get_quantity(inner, "angle", angle, link%start(6), status, found)
         else
-            call allow_keys(inner, [character(len=8) :: "position", "angles"], status)
+            call allow_keys(inner, [character(len=10) :: "position", attitude_key], status)
             call get_vector(inner, "position", length, link%start(:3), status, found)
-            call get_vector(inner, "angles", angle, link%start(4:), status, found)
+            call get_attitude(inner, link%start(4:), status, found)
         end if
     end subroutine read_start
 

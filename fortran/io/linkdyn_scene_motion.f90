@@ -1,5 +1,6 @@
 !> Coordinates of a scene file and their motion.
 module linkdyn_scene_motion
+    use linkdyn_angles, only: angles_by_spin, is_near_pole
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
@@ -10,10 +11,11 @@ module linkdyn_scene_motion
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
         require_table, get_quantity, quantity_of, get_vector, get_flag, text_of
+    use linkdyn_scene_attitudes, only: attitude_key, get_attitude, has_quaternions, quaternion_laws
     use linkdyn_scene_names, only: find_link, find_joint, find_variable, find_marker
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
+    use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, has_column, &
         constant_law, spline
     implicit none (type, external)
     private
@@ -173,7 +175,7 @@ contains
             coordinate(i)%line = place%line
         end do
         call read_pose_start(place, scene%planar, coordinate, status)
-        call read_pose_motion(place, components, shelf, coordinate, status)
+        call read_pose_motion(place, scene%planar, components, shelf, coordinate, status)
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
@@ -265,7 +267,7 @@ contains
                 call read_start(inner, trim(known(i)), component_quantity(components(i)), coordinate(i), status)
             end do
         end if
-        call read_pose_motion(place, components, shelf, coordinate(:n), status)
+        call read_pose_motion(place, scene%planar, components, shelf, coordinate(:n), status)
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate(:n)%is_driven = coordinate(1)%is_driven
     end subroutine read_part_of_pose
@@ -338,13 +340,15 @@ contains
         type(status_type), intent(inout) :: status
         type(scene_place) :: inner
         type(toml_node) :: node
-        logical :: has_position, has_angle, found
+        real(wp), dimension(3) :: angles, omega, rate, rate2
+        logical :: has_position, has_angle, has_spin, found
         integer :: n
 
         if (.not. status%is_ok()) return
         node = place%node%get("start")
         if (.not. node%is_present()) return
         inner = place_at(place, node, trim(place%what)//", start")
+        angles = 0
         if (planar) then
             call require_table(inner, "a table, { position = [x, y], angle = .. }", status)
             call allow_keys(inner, [character(len=12) :: "position", "angle", "velocity", "angular_rate"], status)
@@ -352,9 +356,19 @@ contains
             call get_quantity(inner, "angular_rate", angular_rate, coordinate(3)%start_velocity, status, found)
         else
             call require_table(inner, "a table, { position = [x, y, z], angles = [roll, pitch, yaw] }", status)
-            call allow_keys(inner, [character(len=13) :: "position", "angles", "velocity", "angular_rates"], status)
-            call get_vector(inner, "angles", angle, coordinate(4:)%start_position, status, has_angle)
+            call allow_keys(inner, [character(len=16) :: "position", attitude_key, "velocity", "angular_rates", &
+                                    "angular_velocity"], status)
+            call get_attitude(inner, angles, status, has_angle)
+            if (has_angle) coordinate(4:)%start_position = angles
             call get_vector(inner, "angular_rates", angular_rate, coordinate(4:)%start_velocity, status, found)
+            call get_vector(inner, "angular_velocity", angular_rate, omega, status, has_spin)
+            if (has_spin .and. status%is_ok()) then
+                if (found) call refuse(inner, "'angular_velocity' stands beside 'angular_rates' (expected one of them)", status)
+                if (is_near_pole(angles)) call refuse(inner, "'angular_velocity' where pitch is within 3 degrees of a right "// &
+                    "angle: the rates of roll and yaw do not tell it (expected other axes of the link, or 'angular_rates')", status)
+                call angles_by_spin(angles, omega, [0.0_wp, 0.0_wp, 0.0_wp], rate, rate2)
+                coordinate(4:)%start_velocity = rate
+            end if
         end if
         n = merge(2, 3, planar)
         call get_vector(inner, "position", length, coordinate(:n)%start_position, status, has_position)
@@ -381,7 +395,7 @@ contains
         place = place_at(root, node, "frame")
         components = merge_components(scene%planar)
         allocate (component(size(components)))
-        call read_pose_motion(place, components, shelf, component, status)
+        call read_pose_motion(place, scene%planar, components, shelf, component, status)
         do i = 1, size(components)
             if (.not. status%is_ok()) return
             associate (law => component(i)%motion)
@@ -397,8 +411,9 @@ contains
     end subroutine read_base
 
     !> One table with a column for each component, or a law each; what is left out stays at its start.
-    subroutine read_pose_motion(place, components, shelf, coordinate, status)
+    subroutine read_pose_motion(place, planar, components, shelf, coordinate, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
         integer, intent(in) :: components(:)
         type(table_shelf), intent(inout) :: shelf
         type(coordinate_spec), intent(inout) :: coordinate(:)
@@ -410,6 +425,8 @@ contains
         type(toml_node) :: node, item
         character(len=:), allocatable :: component
         character(len=5) :: known(size(components) + 1)     ! in a constructor gfortran 12 leaks the copy of a section
+        type(law_spec) :: of_quaternions(3)
+        logical :: turns
         integer :: i
 
         if (.not. status%is_ok()) return
@@ -427,6 +444,9 @@ contains
         if (item%is_present()) then
             call allow_keys(inner, [character(len=13) :: "table", "time", "interpolation"], status)
             call read_table_keys(inner, spline, shelf, reading, status)
+            turns = .false.
+            if (status%is_ok() .and. any(components > 3) .and. .not. planar) turns = has_quaternions(shelf, reading)
+            if (turns) call quaternion_laws(inner, shelf, reading, of_quaternions, status)
         else
             known(:size(components)) = pose_component_name(components)
             known(size(components) + 1) = "table"
@@ -435,7 +455,11 @@ contains
         do i = 1, size(components)
             if (.not. status%is_ok()) return
             component = trim(pose_component_name(components(i)))
-            if (item%is_present()) then
+            if (item%is_present() .and. turns .and. components(i) > 3) then
+                if (has_column(shelf, reading, component)) call refuse(inner, "the table has the column "//quoted(component)// &
+                    " beside quaternions (expected one of them)", status)
+                coordinate(i)%motion = of_quaternions(components(i) - 3)
+            else if (item%is_present()) then
                 call law_of_column(shelf, reading, component, component_quantity(components(i)), &
                     coordinate(i)%motion, status)
             else

@@ -15,7 +15,6 @@ module linkdyn_scene_pattern
     implicit none (type, external)
     private
     public :: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, turned_tensor
-    public :: angles_of_matrix, matrix_of_angles
 
     integer, parameter :: most_copies = 1000        !! of one part: more than mechanisms have
     integer, parameter :: only_repeat = 1, all_keys = size(pattern_key)
@@ -221,29 +220,4 @@ contains
             matrix(i, j) = matrix(i, j) + sin(by)*axis(6 - i - j)
         end do
     end function rotation
-
-    !> Rx(roll) Ry(pitch) Rz(yaw).
-    pure function matrix_of_angles(angles) result(matrix)
-        real(wp), intent(in) :: angles(3)
-        real(wp) :: matrix(3, 3)
-        real(wp), parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1]
-
-        matrix = matmul(rotation(x, angles(1)), matmul(rotation(y, angles(2)), rotation(z, angles(3))))
-    end function matrix_of_angles
-
-    !> Roll, pitch and yaw of a rotation; at the pole, where only their sum or difference is there, yaw is zero.
-    pure function angles_of_matrix(matrix) result(angles)
-        real(wp), intent(in) :: matrix(3, 3)
-        real(wp) :: angles(3)
-        real(wp), parameter :: at_pole = 1 - 1.0e-12_wp    ! within 1.5e-6 rad, far less than a start has to be right
-
-        angles(2) = asin(max(-1.0_wp, min(1.0_wp, matrix(1, 3))))
-        if (abs(matrix(1, 3)) < at_pole) then
-            angles(1) = atan2(-matrix(2, 3), matrix(3, 3))
-            angles(3) = atan2(-matrix(1, 2), matrix(1, 1))
-        else
-            angles(1) = atan2(matrix(3, 2), matrix(2, 2))
-            angles(3) = 0
-        end if
-    end function angles_of_matrix
 end module linkdyn_scene_pattern

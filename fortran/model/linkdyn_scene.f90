@@ -195,6 +195,10 @@ module linkdyn_scene
         real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
         real(wp), allocatable :: knot(:)          !! value at the knots (n)
         real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines
+        integer :: angle = 0                      !! roll, pitch or yaw, 1 2 3, of the attitude that quaternions tell; 0: it has none.
+                                                  !! Of one the knots are this angle, with its turns
+        real(wp), allocatable :: quaternion(:, :) !! w x y z at the knots, of unit length, each near the one before (n, 4)
+        real(wp), allocatable :: bend(:, :)       !! second derivatives of the four splines through them (n, 4)
     end type law_spec
 
     !> A number that the mechanism has in a state of motion. Nothing that takes accelerations: forces would then depend on themselves.

@@ -2,11 +2,14 @@
 !>
 !> Outside its knots a table stays at rest at its end value.
 module linkdyn_table
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_angles, only: angles_of_matrix, matrix_of_quaternion, spin_of_quaternion, angles_by_spin, is_near_pole
+    use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: law_spec
     implicit none (type, external)
     private
-    public :: table_place, find_places, evaluate_table, interval_of, lies_within
+    public :: table_place, find_places, evaluate_table, attitude_at, interval_of, lies_within
 
     !> Where an instant lies.
     type :: table_place
@@ -64,6 +67,10 @@ contains
         real(wp), intent(out), optional :: rate(:), acceleration(:)    !! (n), both or none
         integer :: k
 
+        if (law%angle > 0) then
+            call evaluate_angle(law, place, value, rate, acceleration)
+            return
+        end if
         if (allocated(law%curvature)) then
             call evaluate_spline(law%knot, law%curvature, place, value, rate, acceleration)
             return
@@ -81,6 +88,52 @@ contains
         end do
         if (present(rate)) acceleration = 0
     end subroutine evaluate_table
+
+    !> An angle of the attitude that a table of quaternions tells, with the turns of its knots. Near the pole its rates are not
+    !> numbers: who wants motion there asks for `attitude_at`.
+    pure subroutine evaluate_angle(law, place, value, rate, acceleration)
+        type(law_spec), intent(in) :: law
+        type(table_place), intent(in) :: place(:)      !! (n)
+        real(wp), intent(out) :: value(:)              !! (n)
+        real(wp), intent(out), optional :: rate(:), acceleration(:)    !! (n), both or none
+        real(wp) :: p(4), omega(3), alpha(3), angle(3), of_rate(3), of_rate2(3), about
+        integer :: k
+
+        do k = 1, size(place)
+            call attitude_at(law, place(k), p, omega, alpha)
+            angle = angles_of_matrix(matrix_of_quaternion(p))
+            associate (at => place(k))
+                about = law%knot(at%interval)
+                if (.not. at%is_held) about = at%a*law%knot(at%interval) + at%b*law%knot(at%interval + 1)
+            end associate
+            value(k) = angle(law%angle) + two_pi*anint((about - angle(law%angle))/two_pi)
+            if (.not. present(rate)) cycle
+            if (is_near_pole(angle)) then
+                rate(k) = ieee_value(1.0_wp, ieee_quiet_nan)
+                acceleration(k) = rate(k)
+            else
+                call angles_by_spin(angle, omega, alpha, of_rate, of_rate2)
+                rate(k) = of_rate(law%angle)
+                acceleration(k) = of_rate2(law%angle)
+            end if
+        end do
+    end subroutine evaluate_angle
+
+    !> The attitude that a table of quaternions tells: four splines, whose length has no part in it.
+    pure subroutine attitude_at(law, place, p, omega, alpha)
+        type(law_spec), intent(in) :: law
+        type(table_place), intent(in) :: place
+        real(wp), intent(out) :: p(4)                  !! w x y z, of a length near 1
+        real(wp), intent(out) :: omega(3), alpha(3)    !! [rad/s, rad/s2]
+        real(wp), dimension(1, 4) :: at, rate, rate2
+        integer :: i
+
+        do i = 1, 4
+            call evaluate_spline(law%quaternion(:, i), law%bend(:, i), [place], at(:, i), rate(:, i), rate2(:, i))
+        end do
+        p = at(1, :)
+        call spin_of_quaternion(p, rate(1, :), rate2(1, :), omega, alpha)
+    end subroutine attitude_at
 
     pure subroutine evaluate_spline(knot, curvature, place, value, rate, acceleration)
         real(wp), intent(in) :: knot(:), curvature(:)

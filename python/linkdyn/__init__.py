@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ._code import GeneratedCode
     from ._convert import Conversion, convert
     from ._new import new
+    from ._pose import Pose
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -36,6 +37,7 @@ __all__ = [
     "Interrupted",
     "LinkdynError",
     "MissingFileError",
+    "Pose",
     "Poses",
     "Scene",
     "SceneError",
@@ -64,6 +66,7 @@ _HOMES = {
     "Conversion": "_convert",
     "convert": "_convert",
     "GeneratedCode": "_code",
+    "Pose": "_pose",
     "Poses": "scene",
     "Scene": "scene",
     "Simulator": "simulator",

@@ -25,6 +25,7 @@ _ERRORS: dict[int, type[LinkdynError]] = {
     STALE_HANDLE: ClosedSceneError,
 }
 _NOTHING = np.zeros(1)
+NO_ATTITUDE = _NOTHING
 _TEXT_ROOM = 65536
 _TEXT_BLOCK = 4_000_000
 """Letters of a table that are made at a time, at least a row."""
@@ -37,6 +38,8 @@ AT_A_TIME = 4
 LOAD_WIDTH = 6
 POSE_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
+ATTITUDE_WIDTH = 10
+"""Numbers of an attitude: w x y z, angular velocity, angular acceleration."""
 
 Floats = NDArray[np.float64]
 
@@ -252,8 +255,13 @@ def generate(handle: int, kernel: str, want: str, name: str) -> tuple[str, str]:
     return header, source
 
 
-def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Floats, Floats, Floats]:
+def motion(handle: int, t: Floats, n_q: int, n_load: int, n_attitude: int = 0) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """The scene's own motion and loads.
+
+    Parameters
+    ----------
+    n_attitude
+        If attitudes are wanted near poles: how many there are.
 
     Returns
     -------
@@ -261,11 +269,26 @@ def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Float
         (n, n_q) [m, rad] and rates.
     load
         (n, n_load, 6) [N, N m].
+    attitude
+        (n, n_attitude, 10) as `attitudes` leaves them; one zero: not asked for.
     """
     q, qd, qdd = (np.empty((len(t), n_q)) for _ in range(3))
+    attitude = np.zeros((len(t), n_attitude, ATTITUDE_WIDTH)) if n_attitude and len(t) else _NOTHING
     load = np.empty((len(t), n_load, LOAD_WIDTH))
-    check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(load)))
-    return q, qd, qdd, load
+    check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(attitude), _flat(load)))
+    return q, qd, qdd, load, attitude
+
+
+def attitudes(handle: int, attitude: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """Attitudes as coordinates: their angles and rates come into the arrays (n, n_q).
+
+    Parameters
+    ----------
+    attitude
+        (n, n_attitude, 10) quaternion w x y z, angular velocity and acceleration [rad/s, rad/s2]; zeros: by the angles in ``q``.
+        Behind, what is not zero is of samples near a pole, which have to go by it.
+    """
+    check(*_api.api_attitudes(handle, len(q), _flat(attitude), _flat(q), _flat(qd), _flat(qdd)))
 
 
 def frame_motion(handle: int, t: Floats) -> Floats:
@@ -342,7 +365,7 @@ class Inverse:
         threads: int,
         first: int,
         in_order: bool,
-        inputs: tuple[Floats, Floats, Floats, Floats, Floats],
+        inputs: tuple[Floats, Floats, Floats, Floats, Floats, Floats],
         outputs: dict[str, NDArray[Any]],
     ) -> tuple[NDArray[np.intc], int, int, str]:
         """Some samples, into the arrays given.
@@ -354,7 +377,8 @@ class Inverse:
         in_order
             The samples follow each other: the assembly is followed by continuity.
         inputs
-            q, qd, qdd (n, n_q), load (n or 1, n_load, 6) and t (n or 1).
+            q, qd, qdd (n, n_q), load (n or 1, n_load, 6), t (n or 1) and attitudes that `attitudes` has left (n, n_attitude, 10), or
+            one zero.
         outputs
             Arrays of the results wanted by name, C-ordered, sample first, and "status".
 

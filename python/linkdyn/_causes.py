@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ._averages import good_samples
+from ._pose import poses_of
 from .errors import InputError
 from .scene import Scene
 
@@ -129,7 +130,8 @@ def _forces(
     if time is not None and "method" not in run.attrs and np.array_equal(scene.motion(time)[0][good], run.q.values[good]):
         again = scene.inverse(t=time, want=wanted, wrench=wrench)
     else:
-        again = scene.inverse(*(np.nan_to_num(run[name].values) for name in ("q", "qd", "qdd")), t=time, want=wanted, wrench=wrench)
+        states = (np.nan_to_num(run[name].values) for name in ("q", "qd", "qdd"))
+        again = scene.inverse(*states, pose=poses_of(run, scene) or None, t=time, want=wanted, wrench=wrench)
     return {name: again[name].values for name in wanted}
 
 

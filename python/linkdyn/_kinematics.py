@@ -5,7 +5,7 @@ The engine's closed forms are not used beyond the poses, so what follows from he
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ._averages import good_samples
 from ._cams import Curve, contact_of
+from ._pose import poses_of
 from ._postures import placed_poses
 from ._wheels import is_geared
 from .errors import InputError
@@ -26,6 +27,8 @@ Vectors = NDArray[np.float64]
 
 BLOCK = 256
 """Samples whose equations are solved together: some ten megabytes for a hexapod."""
+AT_POLE = 1e-4
+"""Cosine of the pitch below which accelerations from rates of angles have lost more than eight digits."""
 INDEPENDENT = 1e-12
 """Smallest part of the largest pivot that still tells a velocity: below, rounding does."""
 
@@ -124,8 +127,9 @@ def _solved(motion: LinkMotion, run: xr.Dataset, block: slice) -> tuple[Vectors,
     rest = LinkMotion(scene, *(values[block] for values in (
         motion.position, motion.rotation, motion.velocity, motion.spin, motion.acceleration, motion.spin_rate)))
     q, qd, qdd = (np.nan_to_num(run[name].values[block]) for name in ("q", "qd", "qdd"))
+    given = {name: (pose.angular_velocity[block], pose.angular_acceleration[block]) for name, pose in poses_of(run, scene).items()}
     rows = _constraints(rest)
-    leading, speeds, _ = _coordinates(rest, q, qd, qdd)
+    leading, speeds, _ = _coordinates(rest, q, qd, qdd, given)
     n_bound = len(rows)
     matrix = _matrix([*rows, *leading], scene)
     if idle := len(scene.description["idle_spins"].split()):
@@ -147,7 +151,7 @@ def _solved(motion: LinkMotion, run: xr.Dataset, block: slice) -> tuple[Vectors,
     still = [nothing] * (matrix.shape[1] - n_bound - len(leading))
     rate = solve(np.stack([*[nothing] * n_bound, *speeds, *still], axis=1))
     moving = LinkMotion(scene, rest.position, rest.rotation, rate[..., :3], rate[..., 3:], rest.acceleration, rest.spin_rate)
-    leading, _, accelerations = _coordinates(moving, q, qd, qdd)
+    leading, _, accelerations = _coordinates(moving, q, qd, qdd, given)
     bound = [-row.drift for row in _constraints(moving)]
     led = [value - row.drift for value, row in zip(accelerations, leading)]
     change = solve(np.stack([*bound, *led, *still], axis=1))
@@ -326,8 +330,10 @@ class _Pair:
 
 # ---------------------------------------------------------------- coordinates
 
-def _coordinates(motion: LinkMotion, q: Vectors, qd: Vectors, qdd: Vectors) -> tuple[list[Rows], list[Vectors], list[Vectors]]:
-    """Equations of the coordinates, with their rates and accelerations on the right."""
+def _coordinates(
+    motion: LinkMotion, q: Vectors, qd: Vectors, qdd: Vectors, given: Mapping[str, tuple[Vectors, Vectors]]
+) -> tuple[list[Rows], list[Vectors], list[Vectors]]:
+    """Equations of the coordinates, with their rates and accelerations on the right; ``given`` are spins of links with their rates."""
     scene = motion.scene
     rows: list[Rows] = []
     rates: list[Vectors] = []
@@ -350,7 +356,7 @@ def _coordinates(motion: LinkMotion, q: Vectors, qd: Vectors, qdd: Vectors) -> t
         rates.append(qd[:, i])
         accelerations.append(qdd[:, i])
     for link, places in poses.items():
-        more_rows, more_rates, more_accelerations = _of_pose(motion, numbers[link], places, q, qd, qdd)
+        more_rows, more_rates, more_accelerations = _of_pose(motion, numbers[link], places, q, qd, qdd, given.get(link))
         rows += more_rows
         rates += more_rates
         accelerations += more_accelerations
@@ -397,9 +403,12 @@ def _of_component(motion: LinkMotion, coordinate: dict[str, Any]) -> Rows:
 
 
 def _of_pose(
-    motion: LinkMotion, link: int, places: dict[str, int], q: Vectors, qd: Vectors, qdd: Vectors
+    motion: LinkMotion, link: int, places: dict[str, int], q: Vectors, qd: Vectors, qdd: Vectors, given: tuple[Vectors, Vectors] | None
 ) -> tuple[list[Rows], list[Vectors], list[Vectors]]:
-    """R = Rx(roll) Ry(pitch) Rz(yaw): the spin is the sum of the rates about the axes that each turns about."""
+    """R = Rx(roll) Ry(pitch) Rz(yaw): the spin is the sum of the rates about the axes that each turns about.
+
+    At the pole, pitch a right angle, these rates do not tell it: it is NaN there, unless it is given.
+    """
     n = len(q)
 
     def of(values: Vectors, name: str) -> Vectors:
@@ -422,6 +431,11 @@ def _of_pose(
         rate = of(qd, name)[:, np.newaxis] * axis
         spin_rate += of(qdd, name)[:, np.newaxis] * axis + np.cross(spin, rate)
         spin += rate
+    if given is not None:
+        spin, spin_rate = given
+    else:
+        at_pole = np.abs(np.cos(pitch)) < AT_POLE
+        spin[at_pole], spin_rate[at_pole] = np.nan, np.nan
     rows, rates, accelerations = [], [], []
     for place, name in enumerate("xyz"):
         if name in places:

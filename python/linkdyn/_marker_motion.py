@@ -7,6 +7,7 @@ import xarray as xr
 
 from ._arguments import as_known
 from ._kinematics import link_motion, links_at_rest
+from ._pose import quaternion_of
 from ._turns import turned_on
 from .scene import Scene
 
@@ -65,7 +66,7 @@ def relative_pose(run: xr.Dataset, link: str, seen_from: str, scene: Scene) -> x
     xarray.Dataset
         ``position`` [m] (sample, axis) of the link's origin in the axes of the other; planar ``angle`` [rad] (sample) by which it is turned
         against the other, going on from sample to sample along a motion; spatial ``rotation`` (sample, axis, link_axis) that takes the
-        link's axes to the other's.
+        link's axes to the other's, and ``quaternion`` (sample, quaternion_component) w x y z, the same, w not negative.
 
     Raises
     ------
@@ -95,7 +96,9 @@ def relative_pose(run: xr.Dataset, link: str, seen_from: str, scene: Scene) -> x
         found["angle"] = ("sample", angle, {"units": "rad", "long_name": f"angle {words}"})
     else:
         found["rotation"] = (("sample", "axis", "link_axis"), rotation, {"units": "1", "long_name": f"rotation {words}"})
-        found = found.assign_coords(link_axis=AXES[3])
+        quaternion = quaternion_of(rotation)
+        found["quaternion"] = (("sample", "quaternion_component"), quaternion, {"units": "1", "long_name": f"the same as quaternion {words}"})
+        found = found.assign_coords(link_axis=AXES[3], quaternion_component=list("wxyz"))
     return found
 
 

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from ._pose import quaternion_of
 from ._robot import Array
 from .errors import InputError
 from .scene import Scene
@@ -138,7 +139,7 @@ class _Writer:
     def _place(self, parent: int, position: Array, rotation: Array) -> dict[str, str]:
         """Where a body is in its parent's axes."""
         r = self.rotation[parent].T
-        return {"pos": _text(r @ (position - self.position[parent])), "quat": _text(_quaternion(r @ rotation))}
+        return {"pos": _text(r @ (position - self.position[parent])), "quat": _text(quaternion_of(r @ rotation))}
 
     def _add_joints(self, body: Element, joint: dict[str, Any], is_reversed: bool, place: tuple[Array, Array]) -> None:
         """The joints of MuJoCo that move a body against its parent; where the body is the first link of the joint, they are turned round."""
@@ -342,24 +343,6 @@ def _bodily(tensor: Array, mass: float, size: float) -> Array:
     moments = np.maximum(moments, least)
     moments[0] += max(0.0, moments[2] * (1 + 1e-9) - moments[0] - moments[1])
     found: Array = axes @ np.diag(moments) @ axes.T
-    return found
-
-
-def _quaternion(r: Array) -> Array:
-    """Of a rotation, the scalar part first."""
-    trace = np.array([np.trace(r), r[0, 0], r[1, 1], r[2, 2]])
-    k = int(np.argmax(trace))
-    if k == 0:
-        q = np.array([1 + trace[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    else:
-        i = k - 1
-        j, m = (i + 1) % 3, (i + 2) % 3
-        q = np.zeros(4)
-        q[0] = r[m, j] - r[j, m]
-        q[1 + i] = 1 + r[i, i] - r[j, j] - r[m, m]
-        q[1 + j] = r[j, i] + r[i, j]
-        q[1 + m] = r[m, i] + r[i, m]
-    found: Array = q / np.linalg.norm(q)
     return found
 
 

@@ -27,6 +27,7 @@ from ._changes import changed
 from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._output import scene_inputs
+from ._pose import Pose, as_poses, attitude_variables, pose_columns, quaternion_of
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, MissingFileError, SceneError
 from .results import FILE, FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
@@ -79,6 +80,11 @@ class Poses:
     """(N, n_link, 3, 3) from link to world axes."""
     status: NDArray[np.intc]
     """(N,) 0 where the mechanism can be assembled."""
+
+    @property
+    def quaternion(self) -> NDArray[np.float64]:
+        """(N, n_link, 4) the same as unit quaternions w x y z, w not negative."""
+        return quaternion_of(self.rotation)
 
     def __repr__(self) -> str:
         apart = np.flatnonzero(self.status)
@@ -329,7 +335,13 @@ class Scene:
             (N, n) coordinates [m, rad] and their time derivatives.
         """
         instants = self.times() if t is None else self._instants(t)
-        return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
+        return self._motion(self._handle, instants, len(self.loads))[:3]
+
+    def _motion(self, handle: int, instants: NDArray[np.float64], n_load: int) -> tuple[NDArray[np.float64], ...]:
+        """q, qd, qdd, loads, and attitudes near their poles, which tables of quaternions alone lead there."""
+        attitudes = self.description["attitudes"]
+        n_attitude = len(attitudes) if any(attitude["by_table"] for attitude in attitudes) else 0
+        return _bind.motion(handle, instants, len(self.coordinates), n_load, n_attitude)
 
     def frame_motion(self, t: ArrayLike | None = None) -> tuple[NDArray[np.float64], ...]:
         """How the frame moves in axes at rest; zeros if it does not.
@@ -399,6 +411,7 @@ class Scene:
         *,
         in_order: bool | None = None,
         joint_variable: ArrayLike | None = None,
+        pose: Mapping[str, Pose] | None = None,
     ) -> Poses:
         """Poses of all moving links.
 
@@ -413,6 +426,8 @@ class Scene:
             (N, n_variable) all joint variables instead of the coordinates, as results have them [m, rad]: they tell the
             assembly, also where the coordinates do not, as in a forward run through their dead points (status 1 where no joints
             lead to a link from the frame).
+        pose
+            Poses of links that are coordinates, as in `inverse`.
 
         Returns
         -------
@@ -425,14 +440,16 @@ class Scene:
             A wrong shape, no numbers, both ``q`` and ``joint_variable``.
         """
         if joint_variable is not None:
-            if q is not None:
-                raise InputError("q, joint_variable: give one of them")
+            if q is not None or pose is not None:
+                raise InputError(f"{'q' if pose is None else 'pose'}, joint_variable: give one of them")
             schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
             (width,), _ = result_shapes(schema)["joint_variable"]
             variables = as_floats("joint_variable", joint_variable, (None, width))
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
-        follows = q is None if in_order is None else as_flag("in_order", in_order)
-        if q is None:
+        follows = (q is None and pose is None) if in_order is None else as_flag("in_order", in_order)
+        if pose is not None:
+            q = self._given_poses(pose, q, None, None)[0]["q"]
+        elif q is None:
             q = self.motion()[0]
         values = self._batch("q", q, None, one=True)
         return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
@@ -443,6 +460,7 @@ class Scene:
         qd: ArrayLike | None = None,
         qdd: ArrayLike | None = None,
         *,
+        pose: Mapping[str, Pose] | None = None,
         wrench: Mapping[str, ArrayLike] | None = None,
         t: ArrayLike | None = None,
         want: str | Iterable[str] | None = None,
@@ -460,6 +478,12 @@ class Scene:
         q, qd, qdd
             (N, n) coordinates [m, rad] in the order of `coordinates`, and their time derivatives; a derivative that
             is not given is zero.
+        pose
+            Links whose pose is a coordinate, {"platform": `Pose`}, and ball joints whose three angles are: their attitudes as quaternions
+            or rotation matrices, with angular velocities and accelerations, right at every attitude. Columns of ``q`` and its
+            derivatives for these are not read, and ``q`` may be left out where nothing else is a coordinate. Results have them as
+            ``quaternion``, ``angular_velocity``, ``angular_acceleration``; ``q``, ``qd``, ``qdd`` tell the angles, whose rates at the pole
+            are as large as numbers are.
         wrench
             Loads beside those of the scene: marker ("platform.tool") to (N, 6) or (6,) values Fx Fy Fz [N] Mx My Mz
             [N m] in world axes; planar (N, 3) or (3,) Fx Fy Mz.
@@ -495,19 +519,25 @@ class Scene:
         """
         if q is None and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
-        job = self._job(want, solver, wrench, q is None, error)
-        if q is None:
+        along_motion = q is None and pose is None
+        job = self._job(want, solver, wrench, along_motion, error)
+        if along_motion:
             instants = self.times() if t is None else self._instants(t)
-            *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
+            *motion, load, attitude = self._motion(job.handle, instants, job.n_load)
             given = {"time": instants} | dict(zip(("q", "qd", "qdd"), motion))
         else:
             self._require_instants(t)
-            given = self._given(q, qd, qdd)
+            if q is None or pose is not None:
+                given, attitude = self._given_poses(pose, q, qd, qdd)
+            else:
+                given, attitude = self._given(q, qd, qdd), _bind.NO_ATTITUDE
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
-        outputs, roads, passed, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t))
+        outputs, roads, passed, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t), attitude)
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, passed, told)
+        if pose:
+            data = data.assign(attitude_variables(pose))
         data.encoding |= self._origin
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
@@ -985,6 +1015,35 @@ class Scene:
             "qdd": np.zeros(values.shape) if qdd is None else as_floats("qdd", qdd, values.shape),
         }
 
+    def _given_poses(
+        self, pose: Mapping[str, Pose] | None, q: ArrayLike | None, qd: ArrayLike | None, qdd: ArrayLike | None
+    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64]]:
+        """The same where attitudes are known as quaternions; and those that samples near a pole have to go by (N, n_attitude, 10)."""
+        poses = as_poses(as_mapping("pose", pose, 'links that are coordinates, such as "platform", with their Pose'), self.description)
+        n = len(next(iter(poses.values())))
+        columns = [k for name in poses for k in pose_columns(self, name)]
+        if q is None:
+            missing = [name for k, name in enumerate(self.coordinates) if k not in columns]
+            if missing:
+                raise InputError(f"q: expected, for the coordinates that no pose tells: {', '.join(missing)}")
+            q = np.zeros((n, len(self.coordinates)))
+        given = {name: values.copy() for name, values in self._given(q, qd, qdd).items()}
+        if len(given["q"]) != n:
+            raise InputError(f"q: expected {n} samples, as many as the pose has, got {len(given['q'])}")
+        attitude = np.zeros((n, len(self.description["attitudes"]), _bind.ATTITUDE_WIDTH))
+        for k, its in enumerate(self.description["attitudes"]):
+            if its["name"] not in poses:
+                continue
+            motion, angles = poses[its["name"]], [int(c) for c in its["angles"]]
+            attitude[:, k] = np.hstack([motion.quaternion, motion.angular_velocity, motion.angular_acceleration])
+            for values in given.values():
+                values[:, angles] = 0
+            if its["is_pose"]:
+                place = slice(angles[0] - 3, angles[0])
+                given["q"][:, place], given["qd"][:, place], given["qdd"][:, place] = motion.position, motion.velocity, motion.acceleration
+        _bind.attitudes(self._handle, attitude, given["q"], given["qd"], given["qdd"])
+        return given, attitude
+
     def _run(
         self,
         job: _Job,
@@ -993,6 +1052,7 @@ class Scene:
         load: NDArray[np.float64],
         wrench: dict[str, NDArray[np.float64]],
         t: NDArray[np.float64],
+        attitude: NDArray[np.float64] | None = None,
     ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], int, str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
@@ -1010,7 +1070,8 @@ class Scene:
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
             loads = _spread(load, list(wrench.values()), block)
-            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block])
+            turned = _bind.NO_ATTITUDE if attitude is None or attitude.ndim == 1 else attitude[block]
+            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block], turned)
             places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
             taken, passed, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
