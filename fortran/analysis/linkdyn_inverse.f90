@@ -385,13 +385,13 @@ contains
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples for the lanes; absent: all
-        logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions
+        logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions; absent: nobody asks
         type(left_places) :: stand                              ! there, if these are to share reactions
         integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense, i
         real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
-        logical :: has_stand_ins, is_on_way, shares, counts_turns
+        logical :: has_stand_ins, is_on_way, shares, counts_turns, some_turned, all_turned
 
         shares = model%share%n > 0 .and. (model%share%may_gape .or. results%wants(result_reaction))
         n = size(q, 2)
@@ -401,8 +401,11 @@ contains
             allocate (own_rate(model%n_variable, n))
             call results%put(result_joint_rate, own_rate)
         end if
-        turned = [(.false., i=1, n)]
-        if (present(quaternion)) turned = [(any(quaternion(:, :, i) /= 0), i=1, n)]
+        some_turned = .false.
+        if (present(quaternion)) some_turned = any(quaternion /= 0)
+        if (some_turned .or. counts_turns) turned = [(is_turned(i), i=1, n)]
+        all_turned = .false.
+        if (some_turned) all_turned = all(turned)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
@@ -410,7 +413,7 @@ contains
         if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
             call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
-            (has_stand_ins .or. present(known) .or. all(turned) .or. present(given_force))) then
+            (has_stand_ins .or. present(known) .or. all_turned .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
             if (is_on_way) call need_margins(model, solver, q, by_record%record)
             by_record%threads = threads
@@ -438,7 +441,7 @@ contains
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left, t)
             end if
         end if
-        if (any(turned) .and. .not. all(turned)) then
+        if (some_turned .and. .not. all_turned) then
             ! blocks of lanes have samples of one kind
             if (.not. allocated(left)) left = [(i, i=1, n_left)]
             left = pack(left, .not. turned(left))
@@ -472,6 +475,14 @@ contains
         end if
 
     contains
+
+        !> Do attitudes of a sample go by quaternions?
+        pure logical function is_turned(i)
+            integer, intent(in) :: i                    !! sample
+
+            is_turned = .false.
+            if (present(quaternion)) is_turned = any(quaternion(:, :, i) /= 0)
+        end function is_turned
 
         !> The samples that are left.
         subroutine run_left()
