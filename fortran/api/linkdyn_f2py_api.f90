@@ -26,8 +26,8 @@ module linkdyn_f2py_api
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, compute_inverse, check_size, &
-        check_finite
+    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
+        check_size, check_finite
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
@@ -512,7 +512,7 @@ contains
     end subroutine api_result_names
 
     !> Inverse dynamics of a batch. Where results go is said by addresses, so that there may be any number of them.
-    subroutine api_inverse(handle, solver, threads, first, in_order, n_place, place, length, n, n_q_values, q, qd, qdd, &
+    subroutine api_inverse(handle, solver, threads, first, in_order, n_place, place, n, n_q_values, q, qd, qdd, &
             n_load_values, load, n_t, t, n_attitude, attitude, sample_status, roads, n_passed, lost_sample, &
             lost_in_words, code, message)
         !f2py threadsafe
@@ -522,9 +522,8 @@ contains
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
         integer(c_int), intent(in) :: n_place
-        integer(c_intptr_t), intent(in) :: place(n_place)  ! of contiguous arrays of doubles, of integers for the assembly, that stay; 0: a
-                                                           ! result is not wanted
-        integer(c_intptr_t), intent(in) :: length(n_place) ! numbers for which each has room: values of a sample, times n
+        integer(c_intptr_t), intent(in) :: place(n_place)  ! of arrays of doubles, of integers for the assembly, each with room for
+                                                           ! `room_width` numbers a sample; 0: a result is not wanted
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_t, n_attitude
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
@@ -554,7 +553,8 @@ contains
             options%threads = threads
             options%in_order = in_order == 1
             do i = 1, n_room
-                if (place(i) /= 0) call open_room(place(i), length(i), room_id(i), room(i))
+                if (place(i) /= 0) call open_room(place(i), room_id(i), room_width(scene%model, room_id(i))*int(n, c_intptr_t), &
+                                                  room(i))
             end do
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
                                  sample_status, found, status, t, attitude(:used(n_attitude, scene%model%n_attitude)))
@@ -568,9 +568,10 @@ contains
     end subroutine api_inverse
 
     !> Let a result go to an address.
-    subroutine open_room(address, length, id, room)
-        integer(c_intptr_t), intent(in) :: address, length
+    subroutine open_room(address, id, length, room)
+        integer(c_intptr_t), intent(in) :: address
         integer, intent(in) :: id                          ! one of `room_id`
+        integer(c_intptr_t), intent(in) :: length          ! numbers
         type(room_type), intent(inout) :: room
 
         if (id == result_assembly) then
