@@ -410,16 +410,33 @@ contains
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded, margins, closer)
-        if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
-            call need_closer(model, solver, q, closer)
-        if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
-            (has_stand_ins .or. present(known) .or. all_turned .or. present(given_force))) then
-            call need_record(model, solver, results, q, recorded)
-            if (is_on_way) call need_margins(model, solver, q, by_record%record)
-            by_record%threads = threads
-            if (associated(by_record%record)) margins => by_record
-        end if
-        if (has_assemblies(model) .or. has_stand_ins) then
+        call look_for_programs()
+        if (has_assemblies(model) .or. has_stand_ins) call place_links()
+        if (associated(results%load)) call tell_loads()
+        n_left = n
+        if (size(model%contact) > 0) allocate (holding(n), source=0)
+        if (associated(recorded)) call run_record()
+        call run_lanes()
+        call tell_outcome()
+        if (counts_turns) call count_turns()
+
+    contains
+
+        !> The records and programs that serve, made when they are wanted first.
+        subroutine look_for_programs()
+            if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
+                call need_closer(model, solver, q, closer)
+            if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
+                (has_stand_ins .or. present(known) .or. all_turned .or. present(given_force))) then
+                call need_record(model, solver, results, q, recorded)
+                if (is_on_way) call need_margins(model, solver, q, by_record%record)
+                by_record%threads = threads
+                if (associated(by_record%record)) margins => by_record
+            end if
+        end subroutine look_for_programs
+
+        !> Where the links of groups are, or on which assembly samples are.
+        subroutine place_links()
             if (present(known)) then
                 assembly = known
             else if (is_on_way) then
@@ -430,41 +447,48 @@ contains
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
             end if
-        end if
-        if (associated(results%load)) call tell_loads()
-        n_left = n
-        if (size(model%contact) > 0) allocate (holding(n), source=0)
-        if (associated(recorded)) then
+        end subroutine place_links
+
+        subroutine run_record()
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
             else
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left, t)
             end if
-        end if
-        if (some_turned .and. .not. all_turned) then
-            ! blocks of lanes have samples of one kind
-            if (.not. allocated(left)) left = [(i, i=1, n_left)]
-            left = pack(left, .not. turned(left))
-            n_left = size(left)
+        end subroutine run_record
+
+        !> What no record has done. Blocks of lanes have samples of one kind: whose attitudes go by angles, or by quaternions.
+        subroutine run_lanes()
+            if (some_turned .and. .not. all_turned) then
+                if (.not. allocated(left)) left = [(i, i=1, n_left)]
+                left = pack(left, .not. turned(left))
+                n_left = size(left)
+                call run_left()
+                left = pack([(i, i=1, n)], turned)
+                n_left = size(left)
+            end if
             call run_left()
-            left = pack([(i, i=1, n)], turned)
-            n_left = size(left)
-        end if
-        call run_left()
-        results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
-        if (associated(results%assembly)) then
-            results%assembly = reached_straight
-            if (is_on_way .and. allocated(assembly%reached)) results%assembly = assembly%reached(:n)
-        end if
-        results%lost_sample = assembly%lost%sample
-        if (results%lost_sample > 0) then
-            call hold_texts()
-            results%lost_in_words = lost_in_words(model, assembly%lost)
-            call release_texts()
-        end if
-        if (present(trail) .and. results%lost_sample == 0 .and. associated(results%status)) call tell_undefined()
-        if (results%lost_sample == 0 .and. allocated(holding)) call tell_locked()
-        if (counts_turns) then
+        end subroutine run_lanes
+
+        !> The roads that samples took, and why the first one failed that did.
+        subroutine tell_outcome()
+            results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
+            if (associated(results%assembly)) then
+                results%assembly = reached_straight
+                if (is_on_way .and. allocated(assembly%reached)) results%assembly = assembly%reached(:n)
+            end if
+            results%lost_sample = assembly%lost%sample
+            if (results%lost_sample > 0) then
+                call hold_texts()
+                results%lost_in_words = lost_in_words(model, assembly%lost)
+                call release_texts()
+            end if
+            if (present(trail) .and. results%lost_sample == 0 .and. associated(results%status)) call tell_undefined()
+            if (results%lost_sample == 0 .and. allocated(holding)) call tell_locked()
+        end subroutine tell_outcome
+
+        !> Joint angles of samples that follow each other count turns.
+        subroutine count_turns()
             if (present(own)) then
                 call count_turns_about(own, results%of(result_joint_variable)%x, turns)
             else
@@ -472,9 +496,7 @@ contains
                                         results%of(result_joint_variable)%x, turns)
             end if
             if (allocated(own_rate)) nullify (results%of(result_joint_rate)%x)
-        end if
-
-    contains
+        end subroutine count_turns
 
         !> Do attitudes of a sample go by quaternions?
         pure logical function is_turned(i)
