@@ -310,7 +310,9 @@ contains
                         is_limited(:size(which)))
         do i = 1, size(which)
             k = which(i)
-            if (is_limited(i)) then
+            if (is_limited(i) .and. .not. lowest(i) < highest(i)) then
+                words = "does not close at the start"
+            else if (is_limited(i)) then
                 words = "closes "//reach_in_words(model, k, lowest(i), highest(i))
             else if (is_length(model, k) .or. is_screw(model, k)) then
                 words = trim(model%scene%coordinate(k)%name)//" goes farther than the mechanism is long"

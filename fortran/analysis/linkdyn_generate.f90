@@ -299,13 +299,19 @@ contains
         type(unknown_choice), intent(out) :: unknown
         type(status_type), intent(inout) :: status
         type(equations_type) :: equations
-        logical :: is_there
+        logical :: is_there, is_uncertain
+        integer, allocatable :: link(:)
+        integer :: g
 
         select case (wish%kernel)
         case (kernel_inverse)
-            call look_for_record(model, wanted, is_there, status)
-            if (status%is_ok() .and. .not. is_there) &
-                call refuse("the scene has no record (linkdyn explain shows what it has)", status)
+            call look_for_record(model, wanted, is_there, is_uncertain, status)
+            if (is_there .or. .not. status%is_ok()) return
+            link = [(model%group(g)%link, g=1, size(model%group))]
+            if (is_uncertain) call refuse("at all poses that were tried links "//join(model%link(link)%name)//" are placed with " &
+                //"too few digits for its forces to be compared with those of the engine, as by threads whose lead is small " &
+                //"beside the mechanism (expected the kernel forward or kinematics)", status)
+            if (.not. is_uncertain) call refuse("the scene has no record (linkdyn explain shows what it has)", status)
         case (kernel_forward)
             call choose_unknowns(model, unknown, status)
             if (status%is_ok() .and. .not. any(unknown%acceleration)) &

@@ -132,19 +132,23 @@ contains
     !> Is there a record for some results of a scene that finds what the lanes find?
     !>
     !> **Errors**: as of `prepare_inverse`.
-    module subroutine look_for_record(model, wanted, is_there, status)
+    module subroutine look_for_record(model, wanted, is_there, is_uncertain, status)
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         logical, intent(out) :: is_there
+        logical, intent(out) :: is_uncertain                   !! it leaves all poses to the lanes that it could be asked at
         type(status_type), intent(inout) :: status
         type(inverse_solver) :: solver
         type(recorded_forces), pointer :: recorded
 
         is_there = .false.
+        is_uncertain = .false.
         call prepare_inverse(model, inverse_options(solver=solver_elimination), any(wanted == result_reaction), solver, status)
         if (.not. status%is_ok()) return
         call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), recorded)
         is_there = associated(recorded)
+        if (.not. is_there .and. size(model%group) > 0 .and. allocated(solver%places%poses%q)) &
+            is_uncertain = all(status_for_record(model, solver%places%poses%assembly) /= sample_ok)
         call solver%free()
     end subroutine look_for_record
 

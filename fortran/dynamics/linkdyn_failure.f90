@@ -9,7 +9,7 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
-    use linkdyn_model, only: model_type, step_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of
+    use linkdyn_model, only: model_type, step_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of, by_nothing
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
         sample_locked
@@ -188,7 +188,7 @@ contains
             text = text//" cannot be followed beyond "//place_in_words(model, lost)//" in as many steps as a way may take"
         case default
             if (all(lost%from == lost%to)) then
-                text = text//" cannot be closed at the start"//span_in_words(model, lost, i)
+                text = text//" cannot be closed at the start"//span_in_words(model, lost, i)//choice_in_words(model)
                 return
             end if
             text = text//" cannot be closed beyond "//place_in_words(model, lost)//range_in_words(model, lost, i)
@@ -229,6 +229,17 @@ contains
                    //to_text(sum(reach))//" m"
         end associate
     end function span_in_words
+
+    !> What may be at fault where loops do not close at the start: how others do that stand before them.
+    function choice_in_words(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (size(model%chosen_by) + size(model%group) < 2) return
+        if (any(model%chosen_by == by_nothing) .or. any(model%group%chosen_by == by_nothing)) &
+            text = "; nothing says how the loops before them close (linkdyn assemblies lists what does)"
+    end function choice_in_words
 
     !> What a change point is, and why it is not passed.
     function meeting_in_words(model) result(text)

@@ -188,7 +188,7 @@ def cylinder(
         "peak_flow": (_peak(drawn, good), "m3/s", "largest flow out of the supply"),
         "mean_flow": (mean(drawn, weights), "m3/s", "mean flow out of the supply"),
     }
-    name = f"{actuator.removesuffix('.slide')}.slide"
+    name = f"{actuator.partition(':')[0].removesuffix('.slide')}.slide"
     if "joint_variable" in run and name in run["variable"].values:
         slide = run.joint_variable.sel(variable=name).values[good]
         stroke = np.ptp(slide) if slide.size else np.nan

@@ -373,6 +373,29 @@ def test_end_of_reach_is_no_change_point() -> None:
         assert "cannot be closed beyond" in data.attrs["failure"]
 
 
+def test_a_start_that_others_close_too_far_away() -> None:
+    """A second dyad reaches the first one's pin only where that closes the other way, which nothing says: that is told, and how to go on."""
+    def bar(name: str, length: float) -> dict[str, Any]:
+        return {"name": name, "mass": 1.0, "markers": {"P": [0.0, 0.0], "Q": [length, 0.0]}}
+
+    scene = {"space": "planar", "frame": {"markers": {"A": [0.0, 0.0], "D": [0.4, 0.0], "F": [0.3, -0.6]}},
+             "link": [bar("crank", 0.1), bar("rod", 0.4), bar("rocker", 0.3), bar("pull", 0.3), bar("lever", 0.25)],
+             "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "crank.P"]}, {"name": "B", "type": "revolute", "between": ["crank.Q", "rod.P"]},
+                       {"name": "C", "type": "revolute", "between": ["rod.Q", "rocker.Q"]}, {"name": "D", "type": "revolute", "between": ["frame.D", "rocker.P"]},
+                       {"name": "C2", "type": "revolute", "between": ["rod.Q", "pull.P"]}, {"name": "E", "type": "revolute", "between": ["pull.Q", "lever.Q"]},
+                       {"name": "F", "type": "revolute", "between": ["frame.F", "lever.P"]}],
+             "coordinate": [{"joint": "A", "start": "90 deg"}], "actuator": [{"joint": "A"}]}
+    lost = linkdyn.Scene(scene)
+    told = lost.inverse().attrs["failure"]
+    assert "links 'pull', 'lever' cannot be closed at the start; nothing says how the loops before them close (linkdyn assemblies lists what does)" in told
+    assert "Reach from the start\n  does not close at the start\n" in lost.explain()
+    choice = lost.assemblies()[0].branch
+    for joint in scene["joint"]:
+        joint |= {"branch": choice[joint["name"]]} if joint["name"] in choice else {}
+    closed = linkdyn.Scene(scene)
+    assert not closed.inverse().status.values.any() and "does not close" not in closed.explain()
+
+
 def test_order_and_threads_change_nothing() -> None:
     """A motion is followed from sample to sample, however many threads compute them."""
     scene = linkdyn.Scene(read("rusr_parallelogram.toml"))

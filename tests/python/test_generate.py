@@ -534,6 +534,8 @@ def test_refused_scenes() -> None:
         driven.generate("forward")
     with pytest.raises(linkdyn.InputError, match="inverse dynamics needs as many actuators"):
         load("flyball_governor").generate("inverse")
+    with pytest.raises(linkdyn.InputError, match="links 'housing', 'spindle', 'arm' are placed with too few digits .* threads whose lead is small"):
+        load("screw_lift").generate("inverse")
 
 
 @pytest.mark.parametrize(("words", "message"), [

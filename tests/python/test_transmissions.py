@@ -99,6 +99,8 @@ def test_cylinder_by_hand() -> None:
     assert found.peak_flow == pytest.approx(head * 0.3)
     assert found.stroke == pytest.approx(np.ptp(0.1 * np.sin(3 * t)))
     assert found.attrs["above_supply"] == np.sum((force + 2e5 * ring) / head > 8e5)
+    named = run.assign_coords(actuator=[f"{name}:ram" if name == "A" else name for name in map(str, run.actuator.values)])
+    assert named.linkdyn.cylinder("A:ram", bore=0.05).stroke == found.stroke      # one of several drives of its slide
     # hung the other way round it pulls: the ring carries the load
     pulls = run.linkdyn.cylinder("A", bore=0.05, rod=0.03, extends=-1)
     np.testing.assert_allclose(pulls.rod_pressure, force / ring, rtol=1e-12)
