@@ -2,24 +2,25 @@
 module linkdyn_evaluated_drives
     use linkdyn_drive_laws, only: compares_motion
     use linkdyn_drives, only: law_on_lanes, effort_scale
-    use linkdyn_equation_programs, only: make_drive_program, out_drives
+    use linkdyn_equation_programs, only: out_drives
     use linkdyn_given_numbers, only: prepare_numbers, take_coordinates
     use linkdyn_inputs, only: in_target
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, first_output, &
-        free_lane_program, free_lane_space
-    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_constant, drive_table, drive_dc_motor, drive_pd, drive_over
+    use linkdyn_shared_programs, only: shared_programs, drives_of, free_drive_kernel, make_drive_kernel
     implicit none (type, external)
     private
     public :: evaluated_drives, evaluate_drives, free_drives
 
-    !> Of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first.
+    !> Of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all runs that share
+    !> programs together.
     type :: evaluated_drives
-        type(lane_program), private :: lane
+        type(lane_program), pointer, private :: lane => null()
+        logical, private :: is_own = .false.
         type(lane_space), private :: space
         type(lane_numbers), private :: numbers
     end type evaluated_drives
@@ -28,12 +29,13 @@ contains
 
     !> What the laws of some actuators give, of every law but `inverse`: driving forces, or what is told by `side`. Laws over the state have
     !> their values there.
-    subroutine evaluate_drives(model, is_wanted, t, n_used, state, drives, force)
+    subroutine evaluate_drives(model, is_wanted, t, n_used, state, shared, drives, force)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_wanted(:)           !! (n_actuator)
         real(wp), intent(in) :: t(lanes)              !! [s]
         integer, intent(in) :: n_used                 !! lanes
         type(kinematic_state), intent(in) :: state    !! positions and velocities are up to date
+        type(shared_programs), pointer, intent(in) :: shared    !! of the model; null: nobody shares any
         type(evaluated_drives), intent(inout) :: drives
         real(wp), intent(inout) :: force(:, :)        !! those wanted (lane, n_actuator) [N, N m]
         real(wp) :: target(lanes, 2, model%n_actuator), rate2(lanes)
@@ -47,7 +49,7 @@ contains
             end associate
         end do
         if (any(is_wanted .and. compares_motion(model%scene%actuator%drive))) &
-            call compare_motion(model, target, n_used, state, drives)
+            call compare_motion(model, target, n_used, state, shared, drives)
         do i = 1, model%n_actuator
             if (.not. is_wanted(i)) cycle
             associate (drive => model%scene%actuator(i)%drive)
@@ -65,18 +67,18 @@ contains
         end do
     end subroutine evaluate_drives
 
-    subroutine compare_motion(model, target, n_used, state, drives)
+    subroutine compare_motion(model, target, n_used, state, shared, drives)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: target(:, :, :)       !! (lane, 2, n_actuator)
         integer, intent(in) :: n_used
         type(kinematic_state), intent(in) :: state
+        type(shared_programs), pointer, intent(in) :: shared
         type(evaluated_drives), intent(inout) :: drives
 
-        if (.not. drives%lane%program%is_made) then
-            call hold_texts()
-            call make_drive_program(model, drives%lane%program)
-            call release_texts()
-            call prepare_lanes(model, .false., drives%lane)
+        if (.not. associated(drives%lane)) then
+            call drives_of(model, shared, drives%lane)
+            drives%is_own = .not. associated(drives%lane)
+            if (drives%is_own) call make_drive_kernel(model, drives%lane)
             call prepare_numbers(model, .false., drives%numbers)
         end if
         call take_coordinates(model, state, drives%numbers)
@@ -84,10 +86,13 @@ contains
         call run_on_lanes(drives%lane, n_used, state, drives%numbers, drives%space)
     end subroutine compare_motion
 
+    !> Before programs that it shares are left.
     subroutine free_drives(drives)
         type(evaluated_drives), intent(inout) :: drives
 
         call free_lane_space(drives%space)
-        call free_lane_program(drives%lane)
+        if (drives%is_own) call free_drive_kernel(drives%lane)
+        nullify (drives%lane)
+        drives%is_own = .false.
     end subroutine free_drives
 end module linkdyn_evaluated_drives

@@ -78,7 +78,7 @@ contains
         if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
 
-    !> dy/dt of the lanes used; the others are like the last of these.
+    !> dy/dt of the lanes used; nobody looks at the others.
     module procedure evaluate_by_record
         integer :: given_status(lanes), lane, n
         logical :: has_motor_laws, changes_efforts
@@ -108,7 +108,7 @@ contains
             is_left(:n) = samples%is_left(:n)
             is_left(n + 1:) = is_left(n)
         end associate
-        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%record%counted, rate)
+        call pack_rates(self%model, self%layout, n, y, self%workspace%acceleration, self%record%counted, rate)
         call pack_control_rates(self%layout, self%control, rate)
         call pack_current_rates(self%layout, self%n_used, self%motors, rate)
         if (self%may_jump) &

@@ -244,27 +244,33 @@ contains
     end subroutine unpack_state
 
     !> dy/dt from y and the accelerations; the rates of work and energy are left alone.
-    subroutine pack_rates(model, layout, y, acceleration, counted, rate)
+    subroutine pack_rates(model, layout, n, y, acceleration, counted, rate)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
+        integer, intent(in) :: n                      !! lanes that anybody looks at
         real(wp), intent(in) :: y(:, :)               !! (lane, n)
         real(wp), intent(in) :: acceleration(:, :)    !! (lane, n_q); of a pose those of velocity and angular velocity
         real(wp), intent(in) :: counted(:, :)         !! rates of the angles that coordinates stand in for (lane, n_q) [rad/s]
         real(wp), intent(inout) :: rate(:, :)         !! (lane, n)
-        type(vec3) :: omega
-        integer :: k, p
+        integer :: k, p, lane, angle(3)
 
         do k = 1, model%n_q
             if (layout%rate(k) == 0) cycle
-            if (layout%position(k) > 0) rate(:, layout%position(k)) = y(:, layout%rate(k))
-            rate(:, layout%rate(k)) = acceleration(:, k)
-            if (layout%counted(k) > 0) rate(:, layout%counted(k)) = counted(:, k)
+            do lane = 1, n
+                if (layout%position(k) > 0) rate(lane, layout%position(k)) = y(lane, layout%rate(k))
+                rate(lane, layout%rate(k)) = acceleration(lane, k)
+                if (layout%counted(k) > 0) rate(lane, layout%counted(k)) = counted(lane, k)
+            end do
         end do
         do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
-            associate (c => attitude_angles(model%step(layout%attitude_step(p))), first => layout%quaternion(p))
-                omega = vec3(y(:, layout%rate(c(1))), y(:, layout%rate(c(2))), y(:, layout%rate(c(3))))
-                rate(:, first:first + 3) = quaternion_rate(y(:, first:first + 3), omega)
+            angle = attitude_angles(model%step(layout%attitude_step(p)))
+            associate (first => layout%quaternion(p), omega => layout%rate(angle))
+                do lane = 1, n
+                    call quaternion_rate(y(lane, first), y(lane, first + 1), y(lane, first + 2), y(lane, first + 3), &
+                                         y(lane, omega(1)), y(lane, omega(2)), y(lane, omega(3)), rate(lane, first), &
+                                         rate(lane, first + 1), rate(lane, first + 2), rate(lane, first + 3))
+                end do
             end associate
         end do
     end subroutine pack_rates

@@ -532,6 +532,7 @@ contains
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
         call free_looks(self%looks)
+        call free_drives(self%drives)
         call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
@@ -655,7 +656,7 @@ contains
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)) call hold_variables(self, t)
             if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
-            call pack_rates(model, self%layout, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
+            call pack_rates(model, self%layout, lanes, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, self%control, rate)
             call pack_current_rates(self%layout, self%n_used, self%motors, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
@@ -678,8 +679,8 @@ contains
                     if (given(k)) workspace%driving_force(:, k) = self%given_force(k)
                 end do
             else
-                call evaluate_drives(self%model, given .and. .not. self%by_inverse, t, self%n_used, workspace%state, self%drives, &
-                                     workspace%driving_force)
+                call evaluate_drives(self%model, given .and. .not. self%by_inverse, t, self%n_used, workspace%state, self%shared, &
+                                     self%drives, workspace%driving_force)
                 do k = 1, self%model%n_actuator
                     if (given(k) .and. self%by_inverse(k)) workspace%driving_force(:, k) = self%of_motion%force(:, k)
                 end do
@@ -715,7 +716,7 @@ contains
         real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator) [N, N m]
         integer, intent(out) :: status(lanes)
 
-        force = 0
+        force(:self%n_used, :) = 0
         status = sample_ok
         if (applies_motion_forces(self)) then
             call find_motion_forces(t, self%n_used, self%of_motion)

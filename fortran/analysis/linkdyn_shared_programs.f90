@@ -2,13 +2,15 @@
 !> has left. Who holds it may come and go on any thread.
 module linkdyn_shared_programs
     use linkdyn_equation_kernels, only: kernel_family, found_for_one, end_family
+    use linkdyn_equation_programs, only: make_drive_program
+    use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
     use linkdyn_lock, only: hold_lock, release_lock, hold_records, release_records
     use linkdyn_model, only: model_type
     use linkdyn_recorded_rates, only: recorded_rates, free_rates
     use linkdyn_representatives, only: representative_poses
     implicit none (type, external)
     private
-    public :: shared_programs, hold_programs, leave_programs, kernels_of
+    public :: shared_programs, hold_programs, leave_programs, kernels_of, drives_of, make_drive_kernel, free_drive_kernel
 
     type :: shared_programs
         type(recorded_rates), pointer :: rates => null()       !! null: nobody has needed them yet
@@ -17,6 +19,7 @@ module linkdyn_shared_programs
         logical :: sees = .false.                              !! and so is what is seen of the ends of steps
         type(representative_poses) :: poses                    !! of the mechanism
         type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
+        type(lane_program), pointer, private :: drives => null()       !! of laws that compare a joint's motion with another
         integer, private :: n_holder = 0                       !! changed under the lock alone
     end type shared_programs
 
@@ -48,6 +51,40 @@ contains
         call release_records()
     end subroutine kernels_of
 
+    !> Likewise that of their drives.
+    subroutine drives_of(model, mine, drives)
+        type(model_type), intent(in) :: model
+        type(shared_programs), pointer, intent(in) :: mine
+        type(lane_program), pointer, intent(out) :: drives
+
+        nullify (drives)
+        if (.not. associated(mine)) return
+        call hold_records()
+        if (.not. associated(mine%drives)) call make_drive_kernel(model, mine%drives)
+        drives => mine%drives
+        call release_records()
+    end subroutine drives_of
+
+    !> Of laws that compare a joint's motion with another one.
+    subroutine make_drive_kernel(model, drives)
+        type(model_type), intent(in) :: model
+        type(lane_program), pointer, intent(out) :: drives
+
+        allocate (drives)
+        call hold_records()
+        call make_drive_program(model, drives%program)
+        call release_records()
+        call prepare_lanes(model, .false., drives)
+    end subroutine make_drive_kernel
+
+    subroutine free_drive_kernel(drives)
+        type(lane_program), pointer, intent(inout) :: drives
+
+        if (.not. associated(drives)) return
+        call free_lane_program(drives)
+        deallocate (drives)
+    end subroutine free_drive_kernel
+
     !> The end of a use; nothing for whoever holds none.
     subroutine leave_programs(mine)
         type(shared_programs), pointer, intent(inout) :: mine
@@ -62,6 +99,7 @@ contains
             call free(mine%rates)
             call free(mine%of_motion)
             call end_family(mine%kernels)
+            call free_drive_kernel(mine%drives)
             deallocate (mine)
         end if
         nullify (mine)

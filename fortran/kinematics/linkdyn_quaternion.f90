@@ -79,16 +79,16 @@ contains
     end function quaternion_of_rotation
 
     !> dq/dt = (0, omega) q / 2.
-    pure function quaternion_rate(q, omega) result(rate)
-        real(wp), intent(in) :: q(lanes, 4)
-        type(vec3), intent(in) :: omega        !! world axes [rad/s]
-        real(wp) :: rate(lanes, 4)
+    elemental subroutine quaternion_rate(w, x, y, z, a, b, c, rate_w, rate_x, rate_y, rate_z)
+        real(wp), intent(in) :: w, x, y, z     !! q
+        real(wp), intent(in) :: a, b, c        !! omega, world axes [rad/s]
+        real(wp), intent(out) :: rate_w, rate_x, rate_y, rate_z
 
-        rate(:, 1) = -(omega%x*q(:, 2) + omega%y*q(:, 3) + omega%z*q(:, 4))/2
-        rate(:, 2) = (omega%x*q(:, 1) + omega%y*q(:, 4) - omega%z*q(:, 3))/2
-        rate(:, 3) = (omega%y*q(:, 1) + omega%z*q(:, 2) - omega%x*q(:, 4))/2
-        rate(:, 4) = (omega%z*q(:, 1) + omega%x*q(:, 3) - omega%y*q(:, 2))/2
-    end function quaternion_rate
+        rate_w = -(a*x + b*y + c*z)/2
+        rate_x = (a*w + b*z - c*y)/2
+        rate_y = (b*w + c*x - a*z)/2
+        rate_z = (c*w + a*y - b*x)/2
+    end subroutine quaternion_rate
 
     !> A quaternion turned about a fixed axis of the world.
     pure function turned_by(q, turn) result(turned)
@@ -100,7 +100,9 @@ contains
         angle = sqrt(sum(turn**2, dim=2))
         call sine_cosine(angle/2, s, c)
         per_angle = merge(s/max(angle, tiny(1.0_wp)), 0.5_wp, angle > 0)
-        turned = spread(c, 2, 4)*q + spread(2*per_angle, 2, 4)*quaternion_rate(q, vec3(turn(:, 1), turn(:, 2), turn(:, 3)))
+        call quaternion_rate(q(:, 1), q(:, 2), q(:, 3), q(:, 4), turn(:, 1), turn(:, 2), turn(:, 3), &
+                             turned(:, 1), turned(:, 2), turned(:, 3), turned(:, 4))
+        turned = spread(c, 2, 4)*q + spread(2*per_angle, 2, 4)*turned
     end function turned_by
 
     !> The turn, at most half a one, that takes one orientation to another: along its axis, world axes [rad].
