@@ -24,7 +24,7 @@ module linkdyn_builder
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_preloads, only: refuse_idle_preloads
-    use linkdyn_release, only: release_joints
+    use linkdyn_release, only: release_joints, is_released_alike, release_alike
     use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, joint_n_variable, &
         joint_prismatic, frame_link, n_holding
     use linkdyn_spin_axes, only: choose_holds
@@ -59,7 +59,7 @@ contains
         if (is_known) then
             with_holds = scene
             with_holds%hold = like%scene%hold
-            call plan_scene(with_holds, model, status, closed_forms, like)
+            call plan_scene(with_holds, model, status, closed_forms, like, holds_alike=.true.)
         else
             call plan_scene(scene, model, status, closed_forms)
         end if
@@ -180,12 +180,13 @@ contains
     end function holds_at_start
 
     !> Constants, plan and assembly.
-    subroutine plan_scene(scene, model, status, closed_forms, like)
+    subroutine plan_scene(scene, model, status, closed_forms, like, holds_alike)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(out) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms
         type(model_type), intent(in), optional :: like   !! a model that stands as this one will
+        logical, intent(in), optional :: holds_alike     !! its idle spins are held as this one's are, too; absent: false
         integer :: i, n_belt
 
         n_belt = 0
@@ -234,7 +235,7 @@ contains
         call number_courses(model%scene)
         call list_joints_of_links(model)
         call settle_spins(model, status)
-        call plan_links(model, status, closed_forms)
+        call plan_links(model, status, closed_forms, like, holds_alike)
         if (status%is_ok()) call refuse_uncounted_belts(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call list_legs(model)
@@ -258,10 +259,12 @@ contains
     end subroutine list_legs
 
     !> The plan; of over-constrained mechanisms with joints that let go of what others hold.
-    subroutine plan_links(model, status, closed_forms)
+    subroutine plan_links(model, status, closed_forms, like, holds_alike)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms
+        type(model_type), intent(in), optional :: like   !! a model that stands as this one will
+        logical, intent(in), optional :: holds_alike     !! see `plan_scene`
         type(model_type) :: laid, unplanned
         type(status_type) :: again
         logical :: is_freed
@@ -269,6 +272,13 @@ contains
 
         if (status%is_ok()) call lay_gears(model, status)
         if (.not. status%is_ok()) return
+        if (present(like) .and. present(holds_alike)) then
+            if (holds_alike .and. is_released_alike(model, like)) then
+                call release_alike(like, model)
+                call plan(model, status)
+                return
+            end if
+        end if
         laid = model
         call plan(model, status)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return

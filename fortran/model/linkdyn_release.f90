@@ -37,7 +37,7 @@ module linkdyn_release
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: release_joints, compliances
+    public :: release_joints, is_released_alike, release_alike, compliances
 
     integer, parameter :: most_poses = 64, least_poses = 3    !! at which the self-stress is looked at: fewer of large mechanisms,
     integer, parameter :: small = 576                   !! of one with n links this many over their square
@@ -117,6 +117,28 @@ contains
             if (lets_gear_go) lets_gear_go = is_redundant(model%joint(pose(1)%loop%joint(move%i))%gear)
         end function lets_gear_go
     end subroutine release_joints
+
+    !> Does a mechanism that stands as another one does, link by link, let go of what that has let go of? What joints hold follows from
+    !> where they are; of stiffness and gears more is asked.
+    pure logical function is_released_alike(model, like) result(is_alike)
+        type(model_type), intent(in) :: model, like
+
+        is_alike = like%share%n > 0 .and. model%scene%redundancy /= share_by_stiffness .and. size(model%gear) == 0
+    end function is_released_alike
+
+    !> Let go of the same.
+    subroutine release_alike(like, model)
+        type(model_type), intent(in) :: like
+        type(model_type), intent(inout) :: model
+        integer :: j
+
+        do j = 1, model%n_joint
+            if (like%joint(j)%kind == like%joint(j)%told_kind) cycle
+            model%joint(j)%kind = like%joint(j)%kind
+            model%joint(j)%frame = like%joint(j)%frame
+        end do
+        model%share = like%share
+    end subroutine release_alike
 
     !> Is there a stiffness in every state of self-stress?
     subroutine check_stiffness(model, pose, status)

@@ -84,6 +84,26 @@ def test_shares_and_preloads() -> None:
     check_all_numbers(content, ROOT / "examples/fourbar")
 
 
+@pytest.mark.parametrize("sharing", ["minimum-norm", "stiffness"])
+def test_over_constrained(sharing: str) -> None:
+    """Designs that stand as the first one does let go of what that lets go of, others of what they find by themselves."""
+    content = tomllib.loads((ROOT / "examples/tripteron/scene.toml").read_text()) | {"redundancy": sharing}
+    if sharing == "stiffness":
+        content["chain"][0]["stiffness"] = [{"radial": 1e6, "axial": 2e6, "tilt": 3e3, "torsion": 4e3}] * 4
+    scene = linkdyn.Scene(content)
+    for path, values in (("link.platform.mass", ["1.8 kg", "2.1 kg", "0.5 kg"]),
+                         ("chain[0].links[1].mass", ["1.1 kg", "1.3 kg", "0.9 kg"]),
+                         ("link.platform.markers.C.at[1]", ["-100 mm", "-103 mm", "-97 mm"])):
+        designs = swept(scene, {"parameter": path, "values": values})
+        for i, value in enumerate(values):
+            alone = swept(scene.with_({path: value}))
+            for name in ("driving_force", "reaction"):
+                expected = alone[name].values.ravel()
+                assert np.nanmax(np.abs(expected)) > 0.1
+                np.testing.assert_allclose(designs[name].values.reshape(len(values), -1)[i], expected, rtol=0,
+                                           atol=1e-11 * np.nanmax(np.abs(expected)), err_msg=f"{path}: {name}")
+
+
 
 def test_what_no_scene_has() -> None:
     """Payloads, clutches, soft stops of measures, springs by laws over these, a pin that rubs: on one mechanism."""
