@@ -21,7 +21,7 @@ module linkdyn_mechanism
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
     public :: told_marker_frame
     public :: payload_properties
-    public :: set_slide, wheel_wrench, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
+    public :: set_slide, wheel_wrench, wheel_push, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, root_of, scene_point_of_origin, scene_rotation, least_square
 
@@ -117,6 +117,18 @@ contains
             couple = r.rotate.point_at(mechanism, at + 3*side)
         end associate
     end subroutine wheel_wrench
+
+    !> What drives the second wheel off the first, for a unit of the size of that force, and where; in the axes of the carrier.
+    subroutine wheel_push(mechanism, g, push, pitch)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: g
+        type(vector), intent(out) :: push, pitch
+
+        associate (r => mechanism%own(mechanism%model%gear(g)%carrier)%r, at => mechanism%at%gear(g))
+            push = r.rotate.point_at(mechanism, at + 9)
+        end associate
+        pitch = in_own_axes(mechanism, mechanism%model%gear(g)%carrier, point_at(mechanism, mechanism%at%gear(g) + 12))
+    end subroutine wheel_push
 
     !> What a belt that stretches does to one of its wheels, as above: for a unit of the difference of its tensions, and of their sum.
     subroutine belt_wrench(mechanism, i, side, difference, couple, line, lever)

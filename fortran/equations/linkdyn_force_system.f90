@@ -9,17 +9,18 @@
 module linkdyn_force_system
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_belts, only: belt_reaction
-    use linkdyn_bodies, only: world_axes, own_axes
+    use linkdyn_bodies, only: world_axes, own_axes, point_position
     use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
     use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal, is_geared
+    use linkdyn_kinds, only: wp
     use linkdyn_layout, only: layout_type, about_cog, about_origin
-    use linkdyn_mechanism, only: mechanism_type, wheel_wrench, properties_of, marker_point, marker_frame, point_of_action, &
-        pair_of
+    use linkdyn_mechanism, only: mechanism_type, wheel_wrench, wheel_push, properties_of, marker_point, marker_frame, &
+        point_of_action, pair_of
     use linkdyn_model, only: holds_spin
     use linkdyn_scene, only: name_len
     use linkdyn_system, only: system_type, unknown, require, solved
-    use linkdyn_value, only: value, is_zero, operator(*)
+    use linkdyn_value, only: value, is_zero, abs, operator(+), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(+), operator(-), operator(*), &
         operator(.cross.)
     implicit none (type, external)
@@ -41,6 +42,7 @@ module linkdyn_force_system
     type :: force_unknowns
         type(acting_type), allocatable :: reaction(:)  !! (joint)
         type(acting_type), allocatable :: tooth(:)     !! of gears, on each of both links by itself
+        type(value), allocatable :: mesh(:)            !! (gear) force along the pitch circles [N]
         type(value), allocatable :: press(:)           !! (cam) force on the follower along the curve's normal [N]
         type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
         type(value), allocatable :: transmitted(:)     !! (actuator) what of it acts on the links: without the rotor's inertia
@@ -63,7 +65,8 @@ contains
 
         allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator), &
                   unknowns%transmitted(mechanism%model%n_actuator))
-        allocate (unknowns%note(0), unknowns%equation(0), unknowns%tooth(0), unknowns%press(mechanism%model%n_cam))
+        allocate (unknowns%note(0), unknowns%equation(0), unknowns%tooth(0), unknowns%press(mechanism%model%n_cam), &
+                  unknowns%mesh(size(mechanism%model%gear)))
         do j = 1, mechanism%model%n_joint
             call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
         end do
@@ -106,6 +109,7 @@ contains
             integer :: s
 
             size = unknown(system)
+            unknowns%mesh(g) = size
             call note("Ft", is_moment=.false., axis=0, is_thread=.false.)
             do s = 1, 2
                 call wheel_wrench(mechanism, g, s, force, couple)
@@ -402,6 +406,7 @@ contains
         type(system_type), intent(inout) :: system
         integer, intent(in) :: j
         type(value) :: r(6)
+        integer :: g, k
 
         if (mechanism%model%joint(j)%belt > 0) then
             r = belt_reaction(mechanism, mechanism%model%joint(j)%belt)
@@ -415,5 +420,34 @@ contains
                 r(4:) = solved(system, components(turned(bodies, acting%moment, acting%turning, 0)))
             end if
         end associate
+        do g = 1, size(mechanism%model%gear)
+            associate (gear => mechanism%model%gear(g))
+                if (gear%joint == j .and. size(gear%carries) > 0) r = r + driven_apart(mechanism, unknowns, system, g, j)
+                do k = 1, size(gear%carries)
+                    if (abs(gear%carries(k)) == j) &
+                        r = r + real(sign(1, gear%carries(k)), wp)*driven_apart(mechanism, unknowns, system, g, j)
+                end do
+            end associate
+        end do
     end function reaction_of
+
+    !> Force by which a gear's teeth drive its second wheel off the first, and its moment about a joint's second marker: as large as
+    !> that along the pitch circles makes it, whose size has a kink. It moves nothing, so the equations do without; whoever holds
+    !> both wheels against each other takes it.
+    function driven_apart(mechanism, unknowns, system, g, j) result(wrench)
+        type(mechanism_type), intent(in) :: mechanism
+        type(force_unknowns), intent(in) :: unknowns
+        type(system_type), intent(inout) :: system
+        integer, intent(in) :: g, j
+        type(value) :: wrench(6)
+        type(vector) :: push, pitch, at
+
+        call wheel_push(mechanism, g, push, pitch)
+        associate (carrier => mechanism%model%gear(g)%carrier, joint => mechanism%model%joint(j), bodies => mechanism%bodies)
+            pitch = point_position(bodies, carrier, pitch)
+            at = point_position(bodies, joint%link(2), marker_point(mechanism, j, 2))
+            push = abs(solved(system, unknowns%mesh(g)))*turned(bodies, push, bodies%body(carrier)%turning, 0)
+        end associate
+        wrench = [components(push), components((pitch - at) .cross.push)]
+    end function driven_apart
 end module linkdyn_force_system

@@ -1,5 +1,6 @@
 !> What gears, racks and belts have of their own in a scene file.
 module linkdyn_scene_gears
+    use linkdyn_constants, only: pi
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: joint_spec, joint_gear, joint_rack, joint_belt, joint_kind_name
@@ -13,7 +14,8 @@ module linkdyn_scene_gears
     private
     public :: read_wheels, gear_key
 
-    character(len=7), parameter :: gear_key(*) = [character(len=7) :: "teeth", "radii", "mesh", "run", "phase", "strands"]
+    character(len=14), parameter :: gear_key(*) = [character(len=14) :: "teeth", "radii", "mesh", "run", "phase", "strands", &
+                                                   "pressure_angle", "helix_angle"]
     character(len=10), parameter :: strand_key(3) = [character(len=10) :: "stiffness", "damping", "pretension"]
     character(len=8), parameter :: mesh_name(2) = [character(len=8) :: "external", "internal"]
     character(len=7), parameter :: run_name(2) = [character(len=7) :: "open", "crossed"]
@@ -21,8 +23,9 @@ module linkdyn_scene_gears
 contains
 
     !> Teeth or radii, how both run into each other, and where they stand. Keys of other kinds are refused.
-    subroutine read_wheels(place, joint, status)
+    subroutine read_wheels(place, planar, joint, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
         type(joint_spec), intent(inout) :: joint
         type(status_type), intent(inout) :: status
         integer :: way, k
@@ -44,6 +47,7 @@ contains
             call get_word(place, "run", run_name, way, status, found)
         end select
         joint%is_turned_over = way == 2
+        if (joint%kind /= joint_belt) call read_flanks(place, planar, joint, status)
         call read_strands(place, joint, status)
         if (joint%kind == joint_rack) then
             call get_quantity(place, "phase", length, joint%phase, status, joint%has_phase)
@@ -70,6 +74,28 @@ contains
             end do
         end subroutine require_positive
     end subroutine read_wheels
+
+    !> How teeth lean: by the pressure angle, across them, and along the axis by the helix angle.
+    subroutine read_flanks(place, planar, joint, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        character(len=14), parameter :: key(2) = gear_key(7:8)
+        real(wp), parameter :: degree = pi/180, least(2) = [0.0_wp, -60*degree], most(2) = [45*degree, 60*degree]
+        logical :: found
+        integer :: k
+
+        do k = 1, 2
+            call get_quantity(place, trim(key(k)), angle, joint%flank(k), status, found)
+            if (.not. status%is_ok()) return
+            if (joint%flank(k) < least(k) .or. joint%flank(k) > most(k)) call refuse_value(place, trim(key(k)), &
+                place%node%get(trim(key(k))), "is "//to_text(joint%flank(k)/degree)//" deg (expected "// &
+                to_text(least(k)/degree)//" to "//to_text(most(k)/degree)//" deg)", status)
+        end do
+        if (planar .and. joint%flank(2) /= 0) call refuse_value(place, trim(key(2)), place%node%get(trim(key(2))), &
+            "pushes wheels along their axes (expected a spatial scene, or no helix_angle)", status)
+    end subroutine read_flanks
 
     !> The strands of a belt that stretches.
     subroutine read_strands(place, joint, status)
@@ -117,8 +143,10 @@ contains
         select case (key)
         case ("phase")
             has_key = is_geared(kind)
-        case ("teeth", "mesh")
+        case ("teeth", "mesh", "helix_angle")
             has_key = kind == joint_gear
+        case ("pressure_angle")
+            has_key = kind == joint_gear .or. kind == joint_rack
         case default
             has_key = kind == joint_belt
         end select

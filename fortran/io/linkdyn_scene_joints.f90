@@ -63,7 +63,7 @@ contains
         call get_name(place, "name", joint%name, status)
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
-        call allow_keys(place, [character(len=9) :: "name", "type", "between", "start", "branch", "lead", &
+        call allow_keys(place, [character(len=14) :: "name", "type", "between", "start", "branch", "lead", &
                                 "stiffness", "misfit", gear_key, cam_key], status)
         call get_word(place, "type", joint_word, joint%kind, status)
         is_slot = joint%kind == slot_word
@@ -78,7 +78,7 @@ contains
         end if
         if (.not. status%is_ok()) return
         call read_lead(place, joint, status)
-        call read_wheels(place, joint, status)
+        call read_wheels(place, scene%planar, joint, status)
         call read_cam(place, scene%planar, shelf, joint, status)
         between = place%node%get("between")
         if (.not. between%is_present()) then

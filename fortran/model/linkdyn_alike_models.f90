@@ -80,7 +80,7 @@ contains
             text = " joint"//listed([joint%kind, joint%told_kind, joint%link, joint%attitude, joint%gear, joint%belt, joint%cam])
             if (joint%gear > 0) then
                 associate (gear => model%gear(joint%gear))
-                    text = text//" gear"//listed([gear%carrier, merge(1, 0, gear%follows)])
+                    text = text//" gear"//listed([gear%carrier, merge(1, 0, gear%follows), gear%carries])
                 end associate
             end if
             if (joint%belt > 0) text = text//" belt"//listed([model%belt(joint%belt)%gear%carrier, model%belt(joint%belt)%joint])

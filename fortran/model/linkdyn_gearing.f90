@@ -20,7 +20,8 @@ module linkdyn_gearing
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: lay_gears, plan_gears, refuse_uncounted_belts, find_redundant_gears, lead_by_loose, forget_loose, led_name
+    public :: lay_gears, plan_gears, refuse_uncounted_belts, refuse_pushed_apart, find_redundant_gears, lead_by_loose, &
+        forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
     real(wp), parameter :: negligible = 1.0e-12_wp !! part of a sum's largest weight that is rounding
@@ -106,6 +107,29 @@ contains
             end do
         end do
     end subroutine refuse_uncounted_belts
+
+    !> What drives wheels apart is known once their force is: it is added to what bearings carry, and nothing else may depend on that.
+    subroutine refuse_pushed_apart(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        integer :: g, k
+
+        do g = 1, size(model%gear)
+            associate (gear => model%gear(g))
+                if (size(gear%carries) == 0 .or. .not. status%is_ok()) cycle
+                if (model%share%n > 0) call fail(status, status_bad_input, what(model, gear%joint)//" "// &
+                    quoted(model%joint(gear%joint)%name)//": pressure_angle where reactions are shared: "// &
+                    "who of several bearings takes the force that drives the wheels apart is not found (expected joints that "// &
+                    "hold each direction once, or no pressure_angle)")
+                do k = 1, size(model%contact)
+                    if (all(abs(gear%carries) /= model%contact(k)%joint) .or. .not. status%is_ok()) cycle
+                    call fail(status, status_bad_input, what(model, gear%joint)//" "//quoted(model%joint(gear%joint)%name)// &
+                        ": pressure_angle beside friction in joint "//quoted(model%joint(model%contact(k)%joint)%name)// &
+                        ", which does not feel the force that drives the wheels apart (expected one of both)")
+                end do
+            end associate
+        end do
+    end subroutine refuse_pushed_apart
 
     !> Fill `model%led` and `model%loose`: what gears make of the coordinates.
     subroutine plan_gears(model, status)
@@ -201,6 +225,10 @@ contains
             end select
             if (.not. status%is_ok()) return
             if (present(belt)) call lay_strands(wheel, belt)
+            call lean_teeth(model, wheel, gear, status)
+            allocate (gear%carries(0))
+            if (any(gear%push /= 0)) gear%carries = [held_by(model, ways(1), gear%carrier, 1), &
+                                                     held_by(model, ways(2), gear%carrier, -1)]
             power(1) = -dot_product(gear%couple(:, 1), wheel(1)%axis)
             power(2) = dot_product(gear%couple(:, 2), wheel(2)%axis)
             if (joint%kind == joint_rack) power(2) = dot_product(gear%direction, wheel(2)%axis)
@@ -407,6 +435,71 @@ contains
             end associate
         end subroutine lay_cones
     end subroutine lay_teeth
+
+    !> What pressure and helix angle add: a force along the axes in proportion to that of the pitch circles, and one that drives the
+    !> wheels off each other in proportion to its size. Neither has power.
+    subroutine lean_teeth(model, wheel, gear, status)
+        type(model_type), intent(in) :: model
+        type(wheel_type), intent(in) :: wheel(2)
+        type(gear_type), intent(inout) :: gear
+        type(status_type), intent(inout) :: status
+        real(wp) :: apart(3)
+        integer :: side
+
+        associate (spec => model%scene%joint(gear%joint), z => wheel(1)%axis)
+            if (all(spec%flank == 0)) return
+            if (model%joint(gear%joint)%told_kind == joint_rack) then
+                apart = gear%pitch - wheel(1)%point
+            else if (norm2(cross(z, wheel(2)%axis)) > alignment) then
+                if (spec%flank(2) /= 0) call fail(status, status_bad_input, "gear " &
+                    //quoted(model%joint(gear%joint)%name)//": helix_angle has no meaning between axes that meet (expected " &
+                    //"straight bevel teeth)")
+                ! square to the teeth, which go along the line from the cones' tip to the pitch point
+                apart = cross(gear%direction, gear%pitch - tip_of_cones())
+                apart = sign(1.0_wp, dot_product(apart, wheel(2)%point - gear%pitch))*apart
+            else
+                apart = wheel(2)%point - gear%pitch
+                if (spec%is_turned_over .and. spec%wheel(2) >= spec%wheel(1)) apart = gear%pitch - wheel(1)%point
+                apart = apart - dot_product(apart, z)*z
+            end if
+            gear%push = tan(spec%flank(1))/cos(spec%flank(2))*apart/norm2(apart)
+            if (spec%flank(2) == 0) return
+            gear%direction = gear%direction - tan(spec%flank(2))*z
+            do side = 1, 2
+                gear%couple(:, side) = cross(gear%pitch - wheel(side)%point, gear%direction)
+            end do
+        end associate
+
+    contains
+
+        !> Where both axes meet.
+        pure function tip_of_cones() result(tip)
+            real(wp) :: tip(3)
+            real(wp) :: normal(3)
+
+            normal = cross(wheel(1)%axis, wheel(2)%axis)
+            tip = wheel(1)%point + wheel(1)%axis &
+                  *(dot_product(cross(wheel(2)%point - wheel(1)%point, wheel(2)%axis), normal)/dot_product(normal, normal))
+        end function tip_of_cones
+    end subroutine lean_teeth
+
+    !> Joints on the way from the carrier to a wheel: by sign, what a force on the first (1) or second wheel (-1) adds to what they do
+    !> to their second link, if it is counted on the second wheel.
+    function held_by(model, ways, carrier, side) result(joint)
+        type(model_type), intent(in) :: model
+        type(axis_ways), intent(in) :: ways
+        integer, intent(in) :: carrier, side
+        integer, allocatable :: joint(:)
+        integer :: l
+
+        allocate (joint(0))
+        l = carrier
+        do while (ways%joint(l) > 0)
+            ! the joint holds the wheel against it: on the wheel's side it does the opposite
+            joint = [joint, side*merge(1, -1, model%joint(ways%joint(l))%link(2) == ways%before(l))*ways%joint(l)]
+            l = ways%before(l)
+        end do
+    end function held_by
 
     !> A rack: a unit force along it, on the line through its marker.
     subroutine lay_rack(model, wheel, gear, status)

@@ -12,8 +12,8 @@ module linkdyn_numbers
     integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
-    integer, parameter :: of_gear = 9          !! direction (3), couples (6)
-    integer, parameter :: of_belt = of_gear + 10    !! as a rigid one; line, lever (6), stiffness, damping, pretension, total
+    integer, parameter :: of_gear = 15         !! direction (3), couples (6), push (3), pitch point (3)
+    integer, parameter :: of_belt = 19         !! direction, couples as of a rigid one; line, lever (6), stiffness, damping, pretension, total
 
     !> Where the numbers of each thing begin in the list.
     type :: number_places
@@ -22,7 +22,7 @@ module linkdyn_numbers
         integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
         integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
-        integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6
+        integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6, push +9, pitch point +12
         integer, allocatable :: belt(:)        !! the same; line, lever from +9, +12, its own from +15, weights from +19
         integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1, then of other joints
         integer, allocatable :: load(:)        !! point
@@ -109,6 +109,7 @@ contains
         do i = 1, size(model%gear)
             number(at%gear(i):at%gear(i) + 2) = model%gear(i)%direction
             number(at%gear(i) + 3:at%gear(i) + 8) = reshape(model%gear(i)%couple, [6])
+            number(at%gear(i) + 9:at%gear(i) + 14) = [model%gear(i)%push, model%gear(i)%pitch]
         end do
         do i = 1, size(model%belt)
             associate (belt => model%belt(i), k => at%belt(i))

@@ -479,7 +479,7 @@ class Builder:
 
     def gear(
         self, name: str, first: str, second: str, *, teeth: Sequence[Quantity], mesh: Literal["external", "internal"] | None = None,
-        phase: Quantity | None = None, repeat: int | None = None,
+        pressure_angle: Quantity | None = None, helix_angle: Quantity | None = None, phase: Quantity | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """Two wheels in mesh, each of which has its hinge already.
 
@@ -493,6 +493,10 @@ class Builder:
             Of the first and second wheel; only their ratio counts.
         mesh
             "internal": the wheel with more teeth is a ring about the other.
+        pressure_angle
+            Of the teeth, across them: it drives the wheels apart [rad].
+        helix_angle
+            Of the first wheel's teeth, above zero right-handed: it pushes the wheels along their axes [rad].
         phase
             Angle of the second where that of the first is zero [rad].
         repeat
@@ -500,7 +504,10 @@ class Builder:
         """
         return self._joint("gear", locals())
 
-    def rack(self, name: str, first: str, second: str, *, phase: Quantity | None = None, repeat: int | None = None) -> Joint:
+    def rack(
+        self, name: str, first: str, second: str, *, pressure_angle: Quantity | None = None, phase: Quantity | None = None,
+        repeat: int | None = None,
+    ) -> Joint:  # fmt: skip
         """A wheel and a rack, which have their hinge and slide already.
 
         Parameters
@@ -511,6 +518,8 @@ class Builder:
             Marker on the wheel's axis.
         second
             Marker of the rack, on its pitch line.
+        pressure_angle
+            Of the teeth: it drives rack and wheel apart [rad].
         phase
             Slide of the rack where the wheel's angle is zero [m].
         repeat

@@ -1,0 +1,259 @@
+"""Pressure and helix angles of gears: forces that drive wheels apart and along their axes, in balance link by link and by the formulas of
+the textbooks (Shigley's Mechanical Engineering Design, 10th edition, chapter 13)."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+from linkdyn import _kinematics
+from test_balance_of_links import acting, inertia_and_weight
+from test_designs import check_all_numbers
+from test_generate import Compiled
+
+ROOT = Path(__file__).parents[2]
+SOLVERS = ["elimination", "lapack", "gauss-jordan"]
+
+
+def pair(teeth: tuple[int, int], apart: float, mesh: str = "external", **angles: float) -> dict[str, Any]:
+    """Two wheels in the frame, axes along z, the second `apart` along x: weightless, the second held by a torque of 100 N m."""
+
+    def wheel(name: str) -> dict[str, Any]:
+        return {"name": name, "mass": 0, "markers": {"O": [0, 0, 0]}}
+
+    return {
+        "space": "spatial",
+        "frame": {"markers": {"A": [0, 0, 0], "B": [apart, 0, 0]}},
+        "link": [wheel("one"), wheel("two")],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "one.O"]},
+            {"name": "B", "type": "revolute", "between": ["frame.B", "two.O"]},
+            {"name": "mesh", "type": "gear", "between": ["one.O", "two.O"], "teeth": list(teeth), "mesh": mesh} | angles,
+        ],
+        "coordinate": [{"joint": "A"}],
+        "actuator": [{"joint": "A"}],
+        "load": [{"on": "two.O", "moment": [0, 0, 100.0]}],
+    }
+
+
+def reactions(given: dict[str, Any], q: float = 0.3) -> dict[str, np.ndarray]:
+    run = linkdyn.Scene(given).inverse([[q]])
+    assert (run.status == 0).all()
+    return {str(name): run.reaction[0, k].values for k, name in enumerate(run.joint.values)}
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("helix", [0.0, 30.0, -15.0])
+def test_spur_and_helical_wheels(helix: float, side: int) -> None:
+    """Wt = T/r, Wr = |Wt| tan(phi_n)/cos(psi), Wa = Wt tan(psi) (Shigley 13-39), directions by hand."""
+    given = pair((20, 60), 0.2, pressure_angle=np.radians(20), helix_angle=np.radians(helix))
+    given["load"][0]["moment"][2] *= side
+    found = reactions(given)
+    r2 = 0.15
+    tangential = -side * 100 / r2      # on wheel two along theta there, which is -y at the pitch point
+    radial = abs(tangential) * np.tan(np.radians(20)) / np.cos(np.radians(helix))
+    # right-handed wheel one, so left-handed wheel two: its tooth leans back along z
+    axial = tangential * np.tan(np.radians(helix))
+    on_two = np.array([radial, -tangential, axial])
+    np.testing.assert_allclose(found["mesh"][:3], on_two, atol=1e-10)
+    np.testing.assert_allclose(found["B"][:3], -on_two, atol=1e-10)
+    np.testing.assert_allclose(found["A"][:3], on_two, atol=1e-10)
+    # the hinge takes what the axial force tilts the wheel with, about y: lever along x
+    np.testing.assert_allclose(found["B"][3:], [0, -axial * 0.15, 0], atol=1e-10)
+    np.testing.assert_allclose(found["A"][3:], [0, -axial * 0.05, 0], atol=1e-10)
+
+
+@pytest.mark.parametrize("ring", [1, 2])
+def test_internal_mesh(ring: int) -> None:
+    """The pinion is pushed away from the ring's teeth, towards its own centre."""
+    teeth = (60, 20) if ring == 1 else (20, 60)
+    found = reactions(pair(teeth, 0.1, "internal", pressure_angle=np.radians(25)))
+    # ring at 0 or 0.1 with radius 0.15, pinion 0.05: they touch beyond the pinion
+    touches = 1.0 if ring == 1 else -1.0
+    radius = 0.15 if ring == 2 else 0.05
+    push = 100 / radius * np.tan(np.radians(25))
+    on_pinion = np.array([-touches * push, 0, 0])
+    pinion, wheel = ("B", "A") if ring == 1 else ("A", "B")
+    assert found[pinion][0] == pytest.approx(-on_pinion[0], rel=1e-12)
+    assert found[wheel][0] == pytest.approx(on_pinion[0], rel=1e-12)
+
+
+def test_bevel_wheels() -> None:
+    """Wr = Wt tan(phi) cos(gamma), Wa = Wt tan(phi) sin(gamma) of either wheel (Shigley 13-38)."""
+    given = pair((20, 40), 0.0, pressure_angle=np.radians(20))
+    given["frame"]["markers"] = {"A": {"at": [0, 0, 0.1], "axis": [0, 0, 1]}, "B": {"at": [0.05, 0, 0], "axis": [1, 0, 0]}}
+    given["link"][0]["markers"] = {"O": {"at": [0, 0, 0], "axis": [0, 0, 1]}}
+    given["link"][1]["markers"] = {"O": {"at": [0, 0, 0], "axis": [1, 0, 0]}}
+    given["load"][0]["moment"] = [100.0, 0, 0]
+    given["load"][0]["axes"] = "world"
+    found = reactions(given, 0.0)
+    # radii 0.05 about z and 0.1 about x: they touch at (0.05, 0, 0.1)
+    gamma = np.arctan(20 / 40)
+    tangential = 100 / 0.1
+    separating = tangential * np.tan(np.radians(20))
+    # towards wheel two: away from the axis of one, by cos(gamma), and along -z, into its own
+    push = separating * np.array([np.cos(gamma), 0, -np.sin(gamma)])
+    assert abs(found["mesh"][1]) == pytest.approx(tangential, rel=1e-12)
+    np.testing.assert_allclose(found["mesh"][[0, 2]], push[[0, 2]], rtol=1e-12)
+    np.testing.assert_allclose(found["A"][[0, 2]], push[[0, 2]], rtol=1e-12)
+    np.testing.assert_allclose(found["B"][[0, 2]], -push[[0, 2]], rtol=1e-12)
+
+
+def test_rack() -> None:
+    given = pair((1, 1), 0.0)
+    given["frame"]["markers"]["B"] = {"at": [0, -0.05, 0], "axis": [1, 0, 0]}
+    given["link"][1]["markers"] = {"O": {"at": [0, 0, 0], "axis": [1, 0, 0]}}
+    given["joint"][1]["type"] = "prismatic"
+    given["joint"][2] = {"name": "mesh", "type": "rack", "between": ["one.O", "two.O"], "pressure_angle": "20 deg"}
+    given["load"] = [{"on": "two.O", "force": [400.0, 0, 0]}]
+    for force in (400.0, -250.0):
+        given["load"][0]["force"][0] = force
+        found = reactions(given, 0.7)
+        np.testing.assert_allclose(found["mesh"][:3], [-force, -abs(force) * np.tan(np.radians(20)), 0], atol=1e-10)
+        np.testing.assert_allclose(found["B"][:3], [0, abs(force) * np.tan(np.radians(20)), 0], atol=1e-10)
+
+
+# ---------------------------------------------------------------- trains, moving
+
+def leaning(file: str, helix: bool) -> tuple[dict[str, Any], Path]:
+    path = ROOT / file
+    given = tomllib.loads(path.read_text())
+    for k, joint in enumerate(given["joint"]):
+        if joint["type"] in ("gear", "rack"):
+            joint["pressure_angle"] = 0.35
+            if helix and joint["type"] == "gear":
+                joint["helix_angle"] = 0.3 * (-1) ** k
+    return given, path.parent
+
+
+TRAINS = [
+    ("examples/planetary_crank/scene.toml", False),
+    ("tests/scenes/geared_sector.toml", False),
+    ("tests/scenes/bevel_differential.toml", False),
+    ("tests/scenes/geared_loop.toml", False),
+    ("tests/scenes/fivebar_by_gears_3d.toml", True),
+    ("tests/scenes/platform_by_gear.toml", False),
+    ("tests/scenes/helical_reducer.toml", False),
+]
+
+
+def left_over(scene: linkdyn.Scene, run: Any, good: np.ndarray) -> tuple[np.ndarray, float]:
+    """Forces, and moments about their origins, that act on moving links less what their motion asks for; and how far they reach."""
+    motion = _kinematics.link_motion(scene, run)
+    force, moment = inertia_and_weight(scene, motion)
+    for link, point, pull, turn in acting(scene, run, motion):
+        if link > 0:
+            force[:, link] += pull
+            moment[:, link] += turn + np.cross(point - motion.position[:, link], pull)
+    return np.concatenate([force[good, 1:], moment[good, 1:]]), max(1.0, np.abs(motion.position[good]).max())
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(("file", "helix"), TRAINS)
+def test_trains_are_in_balance(file: str, helix: bool, solver: str) -> None:
+    """Every link, its inertia by another road; driving forces are those of teeth that do not lean."""
+    given, folder = leaning(file, helix)
+    scene = linkdyn.Scene(given, folder=folder)
+    times = scene.times()[:: max(1, len(scene.times()) // 20)]
+    run = scene.inverse(t=times, solver=solver)
+    upright = [{key: value for key, value in joint.items() if not key.endswith("_angle")} for joint in given["joint"]]
+    plain = linkdyn.Scene(given | {"joint": upright}, folder=folder).inverse(t=times, solver=solver)
+    good = run.status.values == 0
+    assert good.sum() > 10
+    scale = np.abs(plain.driving_force.values[good]).max()
+    np.testing.assert_allclose(run.driving_force.values[good], plain.driving_force.values[good], rtol=0, atol=1e-9 * scale)
+    assert np.abs(run.reaction.values[good] - plain.reaction.values[good]).max() > 1e-3 * np.abs(run.reaction.values[good]).max()
+    left, reach = left_over(scene, run, good)
+    size = np.abs(run.reaction.values[good]).max()
+    if helix:      # a universal joint's drive is about an axis that the sums do not know
+        left = left - left_over(linkdyn.Scene(given | {"joint": upright}, folder=folder), plain, good)[0]
+    assert np.abs(left).max() <= 1e-8 * size * reach
+    assert np.abs(run.power_imbalance.values[good]).max() < 1e-9
+
+
+def test_records_designs_and_forward_runs_agree() -> None:
+    """By record, on lanes, one by one, behind a forward run: one physics. Teeth in a plane press along the line of action."""
+    given, folder = leaning("examples/planetary_crank/scene.toml", False)
+    scene = linkdyn.Scene(given, folder=folder)
+    states = scene.motion()
+    whole, lanes = (scene.inverse(*states, solver=solver) for solver in ("elimination", "lapack"))
+    assert (whole.status == 0).all()
+    size = float(abs(lanes.reaction).max())
+    np.testing.assert_allclose(whole.reaction, lanes.reaction, atol=1e-10 * size)
+    for k in (0, 7, 50):
+        np.testing.assert_allclose(scene.inverse(*(values[k : k + 1] for values in states)).reaction[0], whole.reaction[k], atol=1e-12 * size)
+    flat = linkdyn.Scene(given | {"joint": [{k: v for k, v in joint.items() if k != "pressure_angle"} for joint in given["joint"]]}, folder=folder)
+    gears = [k for k, joint in enumerate(scene.description["joints"]) if joint["type"] == "gear"]
+    along, tangential = (np.linalg.norm(run.reaction.values[:, gears, :2], axis=2) for run in (whole, flat.inverse(*states)))
+    np.testing.assert_allclose(along, tangential / np.cos(0.35), rtol=1e-9, atol=1e-9 * size)
+
+
+def test_designs() -> None:
+    """Angles of teeth, and all else that turns a number of such a scene into another, are numbers of kernels that designs share."""
+    path = ROOT / "tests/scenes/helical_reducer.toml"
+    assert check_all_numbers(tomllib.loads(path.read_text()), path.parent) > 30
+
+
+def test_forward_run() -> None:
+    """Reactions at output instants are those of inverse dynamics at the same states."""
+    given = pair((20, 60), 0.2, pressure_angle=0.35, helix_angle=0.3)
+    for link in given["link"]:
+        link |= {"mass": 1.0, "inertia": {"diagonal": [0.01, 0.01, 0.02]}}
+    given["gravity"] = [0, -9.81, 0]
+    given["actuator"][0]["law"] = {"type": "formula", "value": "3 N*m*cos(9*time/(1 s))"}
+    scene = linkdyn.Scene(given)
+    run = scene.forward(t=np.linspace(0, 1, 21))
+    again = scene.inverse(run.q, run.qd, run.qdd)
+    assert (run.status == 0).all()
+    np.testing.assert_allclose(run.reaction, again.reaction, atol=1e-9 * float(abs(again.reaction).max()))
+
+
+def test_generated_code(tmp_path: Path) -> None:
+    """C has it, too."""
+    given, folder = leaning("examples/planetary_crank/scene.toml", False)
+    scene = linkdyn.Scene(given, folder=folder)
+    compiled = Compiled(scene.generate(want=["driving_force", "reaction"], name="kernel"), tmp_path)
+    states = scene.motion()
+    expected = scene.inverse(*states).reaction.values
+    for k in range(0, len(expected), 40):
+        status, found = compiled(q=states[0][k], qd=states[1][k], qdd=states[2][k])
+        assert status == 0
+        np.testing.assert_allclose(found["reaction"], expected[k], rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pressure_angle": "50 deg"}, "key 'pressure_angle' is 50 deg"),
+        ({"pressure_angle": "-1 deg"}, "key 'pressure_angle' is -1 deg"),
+        ({"helix_angle": "70 deg"}, "key 'helix_angle' is 70 deg"),
+        ({"type": "belt", "teeth": None, "mesh": None, "radii": [0.05, 0.1], "pressure_angle": 0.3}, "has no meaning here"),
+    ],
+)
+def test_refused(change: dict[str, Any], message: str) -> None:
+    given = pair((20, 60), 0.2)
+    given["joint"][2] = {key: value for key, value in (given["joint"][2] | change).items() if value is not None}
+    with pytest.raises(linkdyn.SceneError, match=message):
+        linkdyn.Scene(given)
+
+
+def test_what_does_not_feel_it_is_refused() -> None:
+    given = pair((20, 60), 0.2, pressure_angle=0.3)
+    rubbing = given | {"friction": [{"joint": "B", "coulomb": 0.1, "radius": 0.02}]}
+    with pytest.raises(linkdyn.SceneError, match="gear 'mesh': pressure_angle beside friction in joint 'B'"):
+        linkdyn.Scene(rubbing)
+    shared = copy.deepcopy(given)
+    shared["frame"]["markers"]["C"] = [0.2, 0, 0.1]
+    shared["link"][1]["markers"]["C"] = [0, 0, 0.1]
+    shared["joint"].append({"name": "C", "type": "cylindrical", "between": ["frame.C", "two.C"]})
+    with pytest.raises(linkdyn.SceneError, match="gear 'mesh': pressure_angle where reactions are shared"):
+        linkdyn.Scene(shared)
+    flat = tomllib.loads((ROOT / "examples/planetary_crank/scene.toml").read_text())
+    next(joint for joint in flat["joint"] if joint["type"] == "gear")["helix_angle"] = 0.2
+    with pytest.raises(linkdyn.SceneError, match="pushes wheels along their axes"):
+        linkdyn.Scene(flat, folder=ROOT / "examples/planetary_crank")
