@@ -4,19 +4,20 @@
 !> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
 !> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1.
 module linkdyn_planar_start
+    use linkdyn_constants, only: pi
     use linkdyn_group_start, only: find_group_start, take_group_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
-    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
+    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, is_length, &
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: joint_prismatic
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: quoted, to_text
     use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
@@ -177,6 +178,26 @@ contains
         end associate
     end subroutine start_group
 
+    !> ", lift.P = 0.05 m", of a few coordinates.
+    function places_in_words(model, state) result(text)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        character(len=:), allocatable :: text
+        integer, parameter :: few = 3
+        integer :: k
+
+        text = ""
+        if (model%n_q > few) return
+        do k = 1, model%n_q
+            text = text//", "//trim(model%scene%coordinate(k)%name)//" = "
+            if (is_length(model, k)) then
+                text = text//to_text(state%q(1, k))//" m"
+            else
+                text = text//to_text(state%q(1, k)*180/pi)//" deg"
+            end if
+        end do
+    end function places_in_words
+
     !> Where the group's links have been placed at the start.
     subroutine keep_group(model, group, state, status)
         type(model_type), intent(in) :: model
@@ -186,9 +207,9 @@ contains
         integer :: i
 
         if (state%not_converged(1) .or. state%singular(1)) then
-            call tell_locked(model, status)
             call fail(status, status_bad_input, "link "//quoted(model%link(group%link(1))%name)//" and the links assembled with " &
-                      //"it cannot be closed at the start (expected 'start' positions of these links near a closed assembly)")
+                      //"it cannot be closed at the start"//places_in_words(model, state)//lock_in_words(model)//" (expected " &
+                      //"coordinates within reach, and 'start' positions of these links near a closed assembly)")
             return
         end if
         do i = 1, size(group%link)
@@ -196,22 +217,22 @@ contains
         end do
     end subroutine keep_group
 
-    !> Does no start close because of a coordinate that cannot move by itself?
-    subroutine tell_locked(model, status)
+    !> Perhaps no start closes because of a coordinate that cannot move by itself. It may be so where the joints alone close, and nowhere
+    !> else: with its arms crossed a Delta stands still.
+    function lock_in_words(model) result(text)
         type(model_type), intent(in) :: model
-        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: text
         logical :: follows
         integer :: k
 
+        text = ""
         call find_locked(model, k, follows)
         if (k == 0) return
+        text = ": out of reach, or coordinate "//quoted(model%scene%coordinate(k)%name)
         if (follows) then
-            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(k)%name) &
-                //" cannot move by itself: the joints make it follow those before it (expected coordinates none of which " &
-                //"follows from others)")
+            text = text//" cannot move by itself: the joints make it follow those before it"
         else
-            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(k)%name) &
-                //" cannot move: the other joints hold it fast (expected the coordinate of a joint that they leave free)")
+            text = text//" cannot move: the other joints hold it fast"
         end if
-    end subroutine tell_locked
+    end function lock_in_words
 end module linkdyn_planar_start

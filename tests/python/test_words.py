@@ -56,6 +56,37 @@ motion = { law = "constant-rate", rate = "60 rpm" }
 [[actuator]]
 joint = "A"
 """
+DELTA = """
+space = "spatial"
+
+[frame]
+markers = { B = { at = ["150 mm", 0, 0], repeat = 3, about = "z" } }
+
+[[link]]
+name = "plate"
+mass = "0.3 kg"
+inertia = { diagonal = [3e-4, 3e-4, 6e-4] }
+markers = { P = { at = ["50 mm", 0, 0], repeat = 3, about = "z" } }
+
+[[chain]]
+type = "R(SS)2"
+name = "arm"
+repeat = 3
+about = "z"
+base = "frame.B#"
+platform = "plate.P#"
+axis = [0, 1, 0]
+zero = [1, 0, 0]
+elbow = 1
+width = "60 mm"
+crank = { length = "200 mm", mass = "0.35 kg" }
+rod = { length = "500 mm", mass = "0.08 kg" }
+
+[[coordinate]]
+link = "plate"
+components = ["x", "y", "z"]
+motion = { x = { law = "cycloidal", from = "-100 mm", to = "100 mm", duration = "0.3 s" }, z = "%s" }
+"""
 SECOND_DRIVE = '[[actuator]]\njoint = "D"\n'
 
 
@@ -117,3 +148,10 @@ force = [{ table = "gas.csv", column = "force", over = "phi", period = %s }, 0]
     scene.write_text(FOUR_BAR + load % "360")
     with pytest.raises(linkdyn.SceneError, match=r"'period' = 360 rad is more than 20 times the table's 6\.26.*unit"):
         linkdyn.load(scene)
+
+
+def test_a_start_out_of_reach_says_where_it_is():
+    """It was told of the wrong coordinate alone, which stands still in another assembly."""
+    with pytest.raises(linkdyn.SceneError, match=r"cannot be closed at the start, .*z = -0\.95 m: .* \(expected coordinates within reach"):
+        linkdyn.Scene(DELTA % "-950 mm")
+    assert (linkdyn.Scene(DELTA % "-550 mm").inverse().status == 0).all()
