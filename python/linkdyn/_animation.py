@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -35,6 +35,7 @@ from .scene import Scene
 __all__ = ["animate"]
 
 Points = NDArray[np.float64]
+Corner = Literal["upper left", "upper right", "lower left", "lower right"]
 
 LARGEST = (5.6, 5.2)
 """Of a picture [inch]."""
@@ -163,7 +164,7 @@ def _draw_frames(
                 else:
                     length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
                     _draw_arrow(ax, start, length * value, colour, planar)
-        _write(ax, run, arrows, sample, force, torque)
+        _write(ax, run, arrows, sample, force, torque, postures)
         canvas.draw()  # type: ignore[no-untyped-call]
         if sample == shown[0]:
             figure.set_layout_engine("none")  # frames of one size: what they say about it changes with the digits
@@ -201,7 +202,7 @@ def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
     ax.annotate("", xytext=arc[-1] - 0.1 * radius * tangent, xy=arc[-1] + 0.45 * radius * tangent, arrowprops=style, zorder=8)
 
 
-def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float) -> None:
+def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float, postures: Postures) -> None:
     """Title, instant, and what the arrows mean."""
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
     title = printable(run.attrs.get("title", ""))
@@ -213,7 +214,16 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
     labels += [(COLOUR[item.kind], f"{item.label} (longest {_round(torque)}N·m)") for item in arrows if item.is_torque and torque > 0]
     if labels:
         handles = [Line2D([], [], color=colour, linewidth=2.0, label=label) for colour, label in labels]
-        ax.legend(handles=handles, loc="upper left", framealpha=0.8, edgecolor="none", fontsize=6.5)
+        place: Corner = _empty_corner(ax, postures, len(labels)) if postures.scene.planar else "upper left"
+        ax.legend(handles=handles, loc=place, framealpha=0.8, edgecolor="none", fontsize=6.5)
+
+
+def _empty_corner(ax: Axes, postures: Postures, n_line: int) -> Corner:
+    """Where the mechanism comes least, over all samples."""
+    points = ax.transLimits.transform(postures.points[..., :2].reshape(-1, 2))
+    corners: dict[Corner, tuple[int, int]] = {"upper left": (0, 1), "upper right": (1, 1), "lower left": (0, 0), "lower right": (1, 0)}
+    taken = {name: (np.abs(points - corner) < (0.4, 0.05 + 0.05 * n_line)).all(axis=1).sum() for name, corner in corners.items()}
+    return min(taken, key=lambda name: int(taken[name]))
 
 
 def _round(value: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -250,3 +251,16 @@ def test_the_tip_of_a_link_is_the_end_of_a_bar() -> None:
     _, axes = plot.mechanism(linkdyn.load(EXAMPLES / "cart_pole" / "scene.toml"))
     bars = [line for line in axes.lines if line.get_linewidth() > 3 and np.hypot(*np.ptp(line.get_xydata(), axis=0)) > 0.9]
     assert len(bars) == 2  # its edge and itself
+
+
+def test_what_arrows_mean_stands_where_the_mechanism_comes_least(closed_figures) -> None:
+    """The ram of the shaper ran below it."""
+    from matplotlib import pyplot
+
+    from linkdyn import _animation
+
+    _, axes = pyplot.subplots()
+    axes.set(xlim=(0, 10), ylim=(0, 10))
+    for points, corner in (([[5, 5]], "upper left"), ([[1, 9.5], [5, 5]], "upper right"), ([[1, 9.5], [9, 9.5]], "lower left")):
+        postures = SimpleNamespace(points=np.array([[[x, y, 0.0] for x, y in points]]))
+        assert _animation._empty_corner(axes, postures, 2) == corner
