@@ -14,7 +14,7 @@ from ._postures import Postures, poses_of
 from .errors import InputError
 from .scene import Scene
 
-__all__ = ["Forces", "find_forces", "force_kinds"]
+__all__ = ["Forces", "borne", "find_forces", "force_kinds"]
 
 Vectors = NDArray[np.float64]
 Place = tuple[int, tuple[float, ...]]
@@ -22,6 +22,8 @@ Place = tuple[int, tuple[float, ...]]
 
 KINDS = ("driving", "reaction", "load")
 COMPONENTS = ("Fx", "Fy", "Fz")
+ROUNDING = 1e-8
+"""What is this part of the largest of its kind is the rounding of zero."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,12 @@ class Forces:
     def start(self, postures: Postures) -> Vectors:
         """(N, arrows, 3) where they begin [m]."""
         return np.stack([postures.point(link, point) for link, point in self.at], axis=1)
+
+
+def borne(force: Vectors, moment: Vectors) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which joints bear a force and a moment, by the largest of each: the rounding of zero is none."""
+    largest = force.max(initial=0.0)
+    return force > ROUNDING * largest, moment > max(ROUNDING * moment.max(initial=0.0), np.finfo(float).eps * largest)
 
 
 def force_kinds(caller: str, forces: str | tuple[str, ...] | None, is_planar: bool) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ._averages import good_samples, rms, shares
 from ._energy import energy
+from ._forces import borne
 from ._kinematics import variable_of
 from ._postures import scene_of
 from ._printable import printable
@@ -308,14 +309,14 @@ def _joints(run: xr.Dataset) -> Table | None:
     components = [str(name) for name in run.component.values]
     parts = [[i for i, name in enumerate(components) if name.startswith(letter)] for letter in "FM"]
     values = run.reaction.values
+    sizes = [np.linalg.norm(values[..., part], axis=-1) for part in parts]
+    bears = borne(*(np.nan_to_num(_peak(size, 1)[0]) for size in sizes))
     columns: list[tuple[str, list[Cell]]] = []
-    for word, unit, part in (("force", "N", parts[0]), ("moment", "N m", parts[1])):
-        size = np.linalg.norm(values[..., part], axis=-1)
+    for word, unit, part, size, acts in zip(("force", "moment"), ("N", "N m"), parts, sizes, bears):
         peak, at = _peak(size, 1)
-        if not np.nan_to_num(peak).any():
+        if not acts.any():
             continue
         factor, name = readable(unit, float(np.nanmax(peak)))
-        acts = np.nan_to_num(peak) > 0
         columns.append((f"peak\n{word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(peak, acts)]))
         columns.append(("at", [Cell(_place(run, k)) if there else Cell(NONE) for k, there in zip(at, acts)]))
         for i in part if len(part) > 1 else []:

@@ -16,6 +16,7 @@ from ._animation import animate
 from ._assemblies import draw_assemblies
 from ._drawing import mechanism
 from ._drawing_arguments import checked
+from ._forces import borne
 from ._lines import abscissa, colour, draw_lines, line, scale_axis
 from ._printable import printable
 from ._style import BAD
@@ -115,9 +116,10 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     _need(run, "reaction")
     sizes = {letter: _magnitude(run, letter) for letter in "FM"}
     peaks = {letter: np.nan_to_num(sizes[letter].values).max(axis=0, initial=0.0) for letter in "FM"}
-    most = {letter: peaks[letter].max(initial=0.0) for letter in "FM"}
-    noise = {"F": ROUNDING * most["F"], "M": max(ROUNDING * most["M"], np.finfo(float).eps * most["F"])}
-    bears = {letter: {name for name, peak in zip(map(str, run.joint.values), peaks[letter]) if peak > noise[letter]} for letter in "FM"}
+    bears = {
+        letter: {str(name) for name, acts in zip(run.joint.values, acting) if acts}
+        for letter, acting in zip("FM", borne(peaks["F"], peaks["M"]))
+    }
     rows = []
     for names in _groups(run.joint.values, {}).values():
         row: list[Panel | None] = []
@@ -129,8 +131,6 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     return _panels(run, rows, over, from_zero=True)
 
 
-ROUNDING = 1e-8
-"""What is this part of the largest of its kind is the rounding of zero, and no line."""
 Panel = tuple[str, str, dict[str, np.ndarray]]
 """What it shows, its SI unit, lines by name."""
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import linkdyn
-from linkdyn import plot
+from linkdyn import _run_sheet, plot
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
@@ -44,10 +44,14 @@ def test_rounding_of_zero_is_no_reaction(run):
     noisy["reaction"].loc[moments] = rounding
     _, axes = plot.reactions(noisy)
     assert axes.shape == (3, 1)
+    assert not any("Mx" in head for head in _run_sheet._joints(noisy).head)
     noisy["reaction"].loc[{"joint": "leg1.P", **moments}] = run.reaction.sel(joint="leg1.P", **moments).values
     _, axes = plot.reactions(noisy)
     assert [axis.get_visible() for axis in axes[:, 1]] == [False, True, False]
     assert [text.get_text().split()[0] for text in axes[1, 1].texts] == ["leg1.P"]
+    table = _run_sheet._joints(noisy)
+    column = next(i for i, head in enumerate(table.head) if head.startswith("Mx"))
+    assert [row[0].text for row in table.rows if row[column].text != _run_sheet.NONE] == ["leg1.P"]
 
 
 def test_small_numbers_have_ticks_that_differ(run):
