@@ -460,8 +460,9 @@ contains
         end if
         if (summary%has_reaction) then
             write (unit, "(a)") ""
-            call print_reaction("largest reaction force ", "N  ", summary%force)
-            call print_reaction("largest reaction moment", "N m", summary%moment)
+            call print_reaction("largest reaction force ", "N  ", summary%force, 0.0_wp)
+            ! what is less is rounding of the forces, an arm's length away
+            call print_reaction("largest reaction moment", "N m", summary%moment, epsilon(1.0_wp)**2*summary%force%value)
         else if (solver == trim(solver_name(solver_reduced))) then
             write (unit, "(a)") ""
             write (unit, "(a)") "  no reactions: the solver does without them"
@@ -511,12 +512,13 @@ contains
             end do
         end subroutine print_lifts
 
-        subroutine print_reaction(what, unit_name, peak)
+        subroutine print_reaction(what, unit_name, peak, least)
             character(len=*), intent(in) :: what, unit_name
             type(peak_type), intent(in) :: peak
+            real(wp), intent(in) :: least                !! squared, as peaks are
 
             if (.not. peak%is_set) return
-            if (.not. peak%value > 0) then
+            if (.not. peak%value > least) then
                 write (unit, "(a)") "  "//what//"  "//right("none", 12)
                 return
             end if
