@@ -199,6 +199,8 @@ contains
             problem = unknown_unit(reading%culprit)
         else if (.not. is_same_dimension(reading%power, quantity)) then
             problem = quoted(adjustl(text))//" is the unit of "//dimension_text(reading%power)
+        else if (may_be_turns(text, reading%power, quantity)) then
+            problem = turns_or_radians(text)
         end if
         factor = reading%factor
     end subroutine unit_factor
@@ -217,9 +219,16 @@ contains
         else if (.not. is_same_dimension(power, quantity)) then
             problem = quoted(trim(adjustl(text)))//" is "//dimension_text(power)
         else if (may_be_turns(text, power, quantity)) then
-            problem = quoted(trim(adjustl(text)))//" may be turns or radians a minute: write rpm or rad/min"
+            problem = turns_or_radians(text)
         end if
     end function misfit
+
+    pure function turns_or_radians(text) result(problem)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: problem
+
+        problem = quoted(trim(adjustl(text)))//" may be turns or radians a minute: write rpm or rad/min"
+    end function turns_or_radians
 
     !> An angular rate "1/min", which data sheets mean as turns, though the radian may be left out elsewhere.
     pure logical function may_be_turns(text, power, quantity)
@@ -227,7 +236,8 @@ contains
         integer, intent(in) :: power(n_dimension)
         type(quantity_type), intent(in) :: quantity
 
-        may_be_turns = all(quantity%power == angular_rate%power) .and. power(5) == 0 .and. index(text, "min") > 0
+        may_be_turns = all(quantity%power == angular_rate%power) .and. power(5) == 0 &
+                       .and. index(replaced(text, "min(", ""), "min") > 0    ! the function of that name is no minute
     end function may_be_turns
 
     !> A number and its unit, if it has one.

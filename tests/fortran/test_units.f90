@@ -21,6 +21,7 @@ contains
         tests = [ &
             new_test("plain units", test_plain), &
             new_test("products and quotients", test_products), &
+            new_test("turns or radians a minute", test_minutes), &
             new_test("angles are no numbers", test_angles), &
             new_test("wrong dimensions", test_wrong), &
             new_test("what is no quantity", test_nonsense), &
@@ -47,6 +48,19 @@ contains
         call expect(error, char(226)//char(136)//char(146)//"20"//char(194)//char(160)//"mm", length, -20/1000.0_wp)
         call expect(error, "20"//char(226)//char(128)//char(175)//"N"//char(226)//char(128)//char(137)//"m", moment, 20.0_wp)
     end subroutine test_plain
+
+    subroutine test_minutes(error)
+        type(test_error), intent(inout) :: error
+        character(len=:), allocatable :: problem
+        real(wp) :: factor
+
+        call unit_factor("rpm", angular_rate, factor, problem)
+        call check(error, problem == "", "rpm of a column "//problem)
+        call unit_factor("1/min", angular_rate, factor, problem)
+        call check(error, index(problem, "may be turns or radians a minute") > 0, "1/min of a column "//problem)
+        call unit_factor("1/s", angular_rate, factor, problem)
+        call check(error, problem == "", "1/s of a column "//problem)
+    end subroutine test_minutes
 
     subroutine test_products(error)
         type(test_error), intent(inout) :: error
