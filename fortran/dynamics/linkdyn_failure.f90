@@ -208,7 +208,7 @@ contains
 
         text = ""
         if (i == 0) return
-        if (model%step(i)%kind /= step_rrr) return
+        if (model%step(i)%kind /= step_rrr .or. any(model%step(:i - 1)%kind == step_group)) return
         call prepare_kinematics(model, 0, state)
         state%q = spread(lost%to, 1, lanes)
         state%branch = spread(lost%branch, 1, lanes)
