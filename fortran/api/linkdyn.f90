@@ -343,7 +343,8 @@ contains
         call compute(self, c_null_ptr, q, qd, qdd, load, results, status, code, solver, threads, in_order)
     end subroutine inverse
 
-    !> The same at instants, for scenes that ask for them: frames that move, payloads and forces over the state that change with time.
+    !> The same at instants, for scenes that ask for them: frames that move, payloads and forces over the state that change
+    !> with time.
     subroutine inverse_at(self, t, q, qd, qdd, load, results, status, code, solver, threads, in_order)
         class(linkdyn_scene), intent(in) :: self
         real(c_double), intent(in), contiguous, target :: t(:)                            !! (n) [s]

@@ -217,8 +217,8 @@ contains
         end do
     end subroutine keep_group
 
-    !> Perhaps no start closes because of a coordinate that cannot move by itself. It may be so where the joints alone close, and nowhere
-    !> else: with its arms crossed a Delta stands still.
+    !> Perhaps no start closes because of a coordinate that cannot move by itself. It may be so where the joints alone close, and
+    !> nowhere else: with its arms crossed a Delta stands still.
     function lock_in_words(model) result(text)
         type(model_type), intent(in) :: model
         character(len=:), allocatable :: text

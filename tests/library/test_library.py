@@ -75,7 +75,7 @@ def test_threads(compiled: Compiled, tmp_path: Path) -> None:
 
 
 def test_a_crowd_of_threads(compiled: Compiled) -> None:
-    """Closed forms and iteration, friction, cams, gears, shared reactions, payloads, controllers, frames that move: the same bits as alone."""
+    """Closed forms and iteration, friction, cams, gears, shared reactions, payloads, moving frames: the same bits as alone."""
     kinds = ("fourbar_start", "stewart_tsai", "delta", "agile_eye", "valve_train", "planetary_gearbox", "knuckle_press", "screw_lift",
              "toggle_clamp", "fivebar_pick", "ship_hexapod", "hoist", "four_stroke")  # fmt: skip
     scenes = [EXAMPLES / kind / "scene.toml" for kind in kinds]
