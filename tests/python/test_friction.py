@@ -97,7 +97,8 @@ FRICTION = {
     "planar": {"coulomb": 0.1, "radius": 0.02},
     "screw": {"coulomb": 0.05, "radius": 0.01, "length": 0.3},
 }
-APART = {"ball_joint": "nothing drives it", "flat_cam_3d": "it rubs already", "preloaded_shaft": "its bearings share reactions"}
+APART = {"ball_joint": "nothing drives it", "flat_cam_3d": "it rubs already", "preloaded_shaft": "its bearings share reactions",
+         "helical_reducer": "friction does not feel what drives its wheels apart"}
 MECHANISMS = {
     path.parent.name + "/" + path.stem: path
     for path in [
