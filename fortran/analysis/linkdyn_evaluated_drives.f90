@@ -14,7 +14,7 @@ module linkdyn_evaluated_drives
     use linkdyn_shared_programs, only: shared_programs, drives_of, free_drive_kernel, make_drive_kernel
     implicit none (type, external)
     private
-    public :: evaluated_drives, evaluate_drives, free_drives
+    public :: evaluated_drives, evaluate_drives, leave_drives, free_drives
 
     !> Of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all runs that share
     !> programs together.
@@ -86,7 +86,13 @@ contains
         call run_on_lanes(drives%lane, n_used, state, drives%numbers, drives%space)
     end subroutine compare_motion
 
-    !> Before programs that it shares are left.
+    !> Before shared programs are left: a kernel of its own stays.
+    subroutine leave_drives(drives)
+        type(evaluated_drives), intent(inout) :: drives
+
+        if (.not. drives%is_own) call free_drives(drives)
+    end subroutine leave_drives
+
     subroutine free_drives(drives)
         type(evaluated_drives), intent(inout) :: drives
 
@@ -94,5 +100,6 @@ contains
         if (drives%is_own) call free_drive_kernel(drives%lane)
         nullify (drives%lane)
         drives%is_own = .false.
+        drives%numbers = lane_numbers()
     end subroutine free_drives
 end module linkdyn_evaluated_drives

@@ -28,7 +28,7 @@ module linkdyn_forward_system
         judge_steps, list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
-    use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
+    use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, leave_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, &
         wraps_anywhere, follow_angles, looks_for_angles, follow_within, note_nearest, angles_at
@@ -532,7 +532,7 @@ contains
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
         call free_looks(self%looks)
-        call free_drives(self%drives)
+        call leave_drives(self%drives)
         call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
