@@ -91,8 +91,8 @@ contains
         end if
     end subroutine widen_rows
 
-    !> Extremes and the samples that have them, the first of equal ones. Written by least and largest values: a compiler takes entries
-    !> side by side only where nothing is left as it was on a condition.
+    !> Extremes and the samples that have them, the first of equal ones. Written by least and largest values: a compiler takes
+    !> entries side by side only where nothing is left as it was on a condition.
     pure subroutine raise_extremes(n_entry, n, value, sample, low, low_at, high, high_at)
         integer, intent(in) :: n_entry
         integer, intent(in) :: n                             !! samples, no more than `at_once`

@@ -484,7 +484,7 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in), contiguous :: place(:, :), rate(:, :)    !! of the sample before (number, n_link)
         real(wp), intent(in) :: margin(:)                      !! there (n_group)
-        real(wp), intent(in), contiguous :: back(:)                        !! of the way from a sample what leads along the way to it (sample)
+        real(wp), intent(in), contiguous :: back(:)            !! of the way from a sample what leads along the way to it (sample)
         type(group_block), intent(inout) :: block
         logical, intent(out), contiguous :: is_explained(:)    !! (sample)
         integer :: g, i, n, n_place

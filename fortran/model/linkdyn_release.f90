@@ -118,8 +118,8 @@ contains
         end function lets_gear_go
     end subroutine release_joints
 
-    !> Does a mechanism that stands as another one does, link by link, let go of what that has let go of? What joints hold follows from
-    !> where they are; of stiffness and gears more is asked.
+    !> Does a mechanism that stands as another one does, link by link, let go of what that has let go of? What joints hold follows
+    !> from where they are; of stiffness and gears more is asked.
     pure logical function is_released_alike(model, like) result(is_alike)
         type(model_type), intent(in) :: model, like
 

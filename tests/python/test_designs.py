@@ -104,7 +104,6 @@ def test_over_constrained(sharing: str) -> None:
                                            atol=1e-11 * np.nanmax(np.abs(expected)), err_msg=f"{path}: {name}")
 
 
-
 def test_what_no_scene_has() -> None:
     """Payloads, clutches, soft stops of measures, springs by laws over these, a pin that rubs: on one mechanism."""
     content = tomllib.loads((ROOT / "examples/fourbar/scene.toml").read_text()) | {
