@@ -21,16 +21,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
 
 contains
 
-    !> Where links are, of a batch large enough for the scene's record, with a solver that was prepared for no forces. Samples `left` are
-    !> for the lanes, on their assembly. With a trail the samples follow each other.
-    module subroutine place_by_record(model, solver, q, results, assembly, left, trail)
-        type(model_type), intent(in) :: model
-        type(inverse_solver), intent(in) :: solver
-        real(wp), intent(in), contiguous :: q(:, :)             !! (n_q, n)
-        type(inverse_results), intent(inout) :: results         !! positions, rotations, status
-        type(sample_assembly), intent(out) :: assembly
-        integer, allocatable, intent(out) :: left(:)
-        type(assembly_trail), intent(inout), optional :: trail
+    module procedure place_by_record
         type(recorded_forces), pointer :: recorded
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
@@ -63,7 +54,7 @@ contains
         else
             left = [(i, i=1, n)]
         end if
-    end subroutine place_by_record
+    end procedure place_by_record
 
     !> Of the time that lanes take to place that many samples about as much goes into making the programs.
     pure logical function is_worth_placing(model, n)
@@ -74,46 +65,30 @@ contains
         is_worth_placing = n >= merge(worth_closing, worth_recording, size(model%group) > 0)
     end function is_worth_placing
 
-    !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
-    !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
-    pure module logical function is_worth_recording(model, solver, n)
-        type(model_type), intent(in) :: model
-        type(inverse_solver), intent(in) :: solver
-        integer, intent(in) :: n                               !! samples
+    module procedure is_worth_recording
         integer, parameter :: samples_a_link = 50, worth_leading = 128
         integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
 
         is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
                              .and. (size(model%group) == 0 .or. n >= worth_leading) &
                              .and. (solver%equations%solver /= solver_reduced .or. n >= worth_tracing)
-    end function is_worth_recording
+    end procedure is_worth_recording
 
-    !> The record for the results wanted, made when they are wanted first; null if the scene has none.
-    recursive module subroutine need_record(model, solver, results, q, recorded)
-        type(model_type), intent(in) :: model
-        type(inverse_solver), intent(in) :: solver
-        type(inverse_results), intent(in) :: results
-        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
-        type(recorded_forces), pointer, intent(out) :: recorded
+    module procedure need_record
         type(result_list) :: list
 
         call list_results(results, 0, list)
         nullify (recorded)
         if (list%n > 0) call find_or_make(model, solver, list%id(:list%n), q, recorded)
-    end subroutine need_record
+    end procedure need_record
 
-    !> The record of margins, by which a motion is followed; null if there is none.
-    recursive module subroutine need_margins(model, solver, q, recorded)
-        type(model_type), intent(in) :: model
-        type(inverse_solver), intent(in) :: solver
-        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
-        type(recorded_forces), pointer, intent(out) :: recorded
+    module procedure need_margins
         integer, parameter :: many = 200                       !! samples: their lanes' time is about that of a trace
 
         nullify (recorded)
         if (model%n_branch > 0 .and. size(q, 2) >= many) &
             call find_or_make(model, solver, of_margins, q, recorded)
-    end subroutine need_margins
+    end procedure need_margins
 
     recursive subroutine find_or_make(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model
@@ -129,15 +104,7 @@ contains
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine find_or_make
 
-    !> Is there a record for some results of a scene that finds what the lanes find?
-    !>
-    !> **Errors**: as of `prepare_inverse`.
-    module subroutine look_for_record(model, wanted, is_there, is_uncertain, status)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
-        logical, intent(out) :: is_there
-        logical, intent(out) :: is_uncertain                   !! it leaves all poses to the lanes that it could be asked at
-        type(status_type), intent(inout) :: status
+    module procedure look_for_record
         type(inverse_solver) :: solver
         type(recorded_forces), pointer :: recorded
 
@@ -150,21 +117,16 @@ contains
         if (.not. is_there .and. size(model%group) > 0 .and. allocated(solver%places%poses%q)) &
             is_uncertain = all(status_for_record(model, solver%places%poses%assembly) /= sample_ok)
         call solver%free()
-    end subroutine look_for_record
+    end procedure look_for_record
 
-    !> Programs of Newton's steps, made when they are wanted first; null if a group has none.
-    module subroutine need_closer(model, solver, q, closer)
-        type(model_type), intent(in) :: model
-        type(inverse_solver), intent(in) :: solver
-        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
-        class(group_closer), pointer, intent(out) :: closer
+    module procedure need_closer
 
         nullify (closer)
         call hold_records()
         if (.not. solver%places%closing%is_tried) call make_closer(model, q, solver%places%poses, solver%places%closing)
         call release_records()
         if (solver%places%closing%is_usable) closer => solver%places%closing
-    end subroutine need_closer
+    end procedure need_closer
 
     recursive subroutine make_record(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model
@@ -289,18 +251,7 @@ contains
         end function place_of
     end function agrees_with_lanes
 
-    !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
-    module subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
-        type(model_type), intent(in) :: model
-        type(recorded_forces), intent(in) :: recorded
-        integer, intent(in) :: threads
-        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n), or one for all
-        type(sample_assembly), intent(in), target :: assembly
-        type(inverse_results), intent(inout) :: results
-        integer, intent(out) :: n_left
-        integer, allocatable, intent(out) :: left(:)           !! absent if there are none
-        real(wp), intent(in), optional :: t(:)                 !! [s] (n), or one for all; absent: 0
+    module procedure run_by_record
         real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
         type(sample_arrays) :: arrays
         type(result_list) :: list
@@ -354,7 +305,7 @@ contains
         else
             call run_recorded(recorded, threads, n, arrays, [sample_ok], list, n_left, left)
         end if
-    end subroutine run_by_record
+    end procedure run_by_record
 
     !> Samples at which a group is too near to a singular position for its motion to be surely certain are for the lanes, which
     !> look closer.
