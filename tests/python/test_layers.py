@@ -19,20 +19,20 @@ def test_sources_keep_the_order() -> None:
 @pytest.mark.parametrize(
     ("layer", "line", "complaint"),
     [
-        ("core", "use linkdyn_upper, only: x", "core lies below dynamics"),
-        ("integrate", "use linkdyn_upper, only: x", "integrate lies below dynamics"),
+        ("core", "use linkdyn_upper, only: x", "core lies below assembly"),
+        ("integrate", "use linkdyn_upper, only: x", "integrate lies below assembly"),
         ("model", "use linkdyn_nowhere, only: x", "which no source defines"),
         ("model", "use netcdf, only: nf90_open", "the netCDF library"),
         ("model", "use, intrinsic :: iso_c_binding, only: c_int", "C kinds"),
         ("lanes", "real(wp), parameter :: third = 3.0d-1", "real kinds"),
         ("linalg", "call dgesvx(a)", "LAPACK"),
         ("analysis", "call get_command_argument(1, name)", "the command line"),
-        ("io", "error stop 1", "stop"),
-        ("io", "function f() bind(c, name=\"linkdyn_upper\")", "the name of a module"),
+        ("files", "error stop 1", "stop"),
+        ("files", "function f() bind(c, name=\"linkdyn_upper\")", "the name of a module"),
     ],
 )
 def test_a_breach_is_seen(tmp_path: Path, layer: str, line: str, complaint: str) -> None:
-    for folder, name, body in (("dynamics", "linkdyn_upper", ""), (layer, "linkdyn_culprit", line)):
+    for folder, name, body in (("assembly", "linkdyn_upper", ""), (layer, "linkdyn_culprit", line)):
         path = tmp_path / "fortran" / folder / f"{name}.f90"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"module {name}\n    {body}\nend module {name}\n", encoding="utf-8")
