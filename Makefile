@@ -146,7 +146,7 @@ $(PACKAGE): $(SOURCES) $(REQUIREMENTS) | system
 	@echo "Building linkdyn and installing it into .venv"
 	$(VENV)/bin/python -m pip install --quiet --no-build-isolation --no-deps --force-reinstall \
 	    --config-settings=build-dir=$(BUILD) $(foreach option,$(SETUP),--config-settings=setup-args=$(option)) .
-	@$(VENV)/bin/python -c "from linkdyn._view import bundle; bundle()" 2>/dev/null || printf '%s\n' \
+	@$(VENV)/bin/python -c "from linkdyn._view.page import bundle; bundle()" 2>/dev/null || printf '%s\n' \
 	    "WARNING: built without the viewer, \`linkdyn view\` will not work. This was missing:" \
 	    "$$(grep -h 'WITHOUT its viewer' $(BUILD)/meson-logs/meson-log.txt | tail -n 1)" >&2
 	@touch $@

@@ -1,4 +1,4 @@
-!> Mean over the samples of a run: the same as Python's (`linkdyn._averages`), gathered sample by sample and part by part.
+!> Mean over the samples of a run: the same as Python's (`linkdyn._cycle.averages`), gathered sample by sample and part by part.
 !>
 !> A sample stands for the time from half-way to the sample before to half-way to the one after; the first and the last for
 !> the whole of their one gap. Evenly spaced samples so count alike, and so do those whose instants do not increase: poses

@@ -13,8 +13,8 @@ SOURCES = Path(__file__).resolve().parent.parent / "python"
 COMMAND = re.compile(r"^  linkdyn (\w+) (SCENE\S*|\[KIND\])(?: \[options\])? +(.*)$", re.M)
 OPTION = re.compile(r"^  (-.*?)  +(\S.*(?:\n {8,}\S.*)*)", re.M)
 SUFFIXES = {"SCENE": ["toml"], "SCENE|RUN.nc": ["toml", "nc"], "SCENE|ROBOT": ["toml", "xml", "urdf"], "[KIND]": []}
-IN_PACKAGE = {"view": "_view_command", "draw": "_draw_command", "balance": "_balance_command", "new": "_new", "assemblies": "_assemblies_command",
-              "convert": "_convert_command"}
+IN_PACKAGE = {"view": "_commands.view", "draw": "_commands.draw", "balance": "_commands.balance", "new": "_commands.new", "assemblies": "_commands.assemblies",
+              "convert": "_commands.convert"}
 """Commands that are a part of the Python package, and where."""
 
 

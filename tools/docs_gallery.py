@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")   # pictures go to files
 import linkdyn
 import linkdyn.plot
-from linkdyn._view import run_of
+from linkdyn._view.page import run_of
 from matplotlib import pyplot
 from PIL import Image, ImageChops
 

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from ._bind import code_in_use, use_code
     from ._builder import Builder
     from ._code import GeneratedCode
-    from ._convert import Conversion, convert
-    from ._new import new
+    from ._commands.new import new
+    from ._convert.convert import Conversion, convert
     from ._pose import Pose
-    from ._sheet import sheet
-    from ._view import view
+    from ._sheets.sheet import sheet
+    from ._view.page import view
     from .results import read
     from .scene import Poses, Scene, load
     from .simulator import Simulator, SimulatorState
@@ -63,8 +63,8 @@ __all__ = [
 _MODULES = ("cycle", "efforts", "laws", "lecture", "plot", "widget")
 _HOMES = {
     "Builder": "_builder",
-    "Conversion": "_convert",
-    "convert": "_convert",
+    "Conversion": "_convert.convert",
+    "convert": "_convert.convert",
     "GeneratedCode": "_code",
     "Pose": "_pose",
     "Poses": "scene",
@@ -72,12 +72,12 @@ _HOMES = {
     "Simulator": "simulator",
     "SimulatorState": "simulator",
     "load": "scene",
-    "new": "_new",
+    "new": "_commands.new",
     "read": "results",
-    "sheet": "_sheet",
+    "sheet": "_sheets.sheet",
     "code_in_use": "_bind",
     "use_code": "_bind",
-    "view": "_view",
+    "view": "_view.page",
 }
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 

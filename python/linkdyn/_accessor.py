@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ._view import View
+    from ._view.page import View
     from .scene import Scene
 
 __all__ = ["RunAccessor"]
@@ -50,19 +50,19 @@ class RunAccessor:
 
     def view(self, file: str | os.PathLike[str] | None = None, **options: Any) -> View:
         """An interactive picture: `linkdyn.view`."""
-        from ._view import view
+        from ._view.page import view
 
         return view(self._run, file, **options)
 
     def animate(self, file: str | os.PathLike[str], **options: Any) -> Path:
         """A moving picture, ``.gif`` or ``.mp4``: `linkdyn.plot.animate`."""
-        from ._animation import animate
+        from ._drawing.animation import animate
 
         return animate(self._run, file, **options)
 
     def sheet(self, file: str | os.PathLike[str], **options: Any) -> Path:
         """The sheet of a run or a sweep, ``.html`` or ``.pdf``: `linkdyn.sheet`."""
-        from ._sheet import sheet
+        from ._sheets.sheet import sheet
 
         return sheet(self._run, file, **options)
 
@@ -134,7 +134,7 @@ class RunAccessor:
         InputError
             The run has no such result.
         """
-        from ._averages import rms, shares
+        from ._cycle.averages import rms, shares
         from .results import need_result
 
         values = need_result(self._run, quantity, "rms")
@@ -277,7 +277,7 @@ class RunAccessor:
 
     def _scene(self, caller: str, given: Scene | None) -> Scene:
         """The scene given, or the one that the run keeps."""
-        from ._postures import scene_of
+        from ._geometry.postures import scene_of
 
         return given if given is not None else scene_of(self._run, caller)
 

@@ -120,8 +120,8 @@ def draw_assemblies(scene: Scene) -> Figure:
     """Every assembly small, with its number; the scene's own in bold."""
     from matplotlib import pyplot
 
-    from ._drawing import draw, set_limits
-    from ._postures import find_postures
+    from ._drawing.mechanisms import draw, set_limits
+    from ._geometry.postures import find_postures
     from .scene import Poses
 
     found = scene.assemblies()

@@ -48,19 +48,19 @@ def main() -> None:
     _end_at_interrupts()
     arguments = sys.argv[1:]
     if arguments[:1] == ["new"]:
-        from ._new import new_command
+        from ._commands.new import new_command
 
         sys.exit(new_command(arguments[1:]))
     if arguments[:1] == ["draw"]:
-        from ._draw_command import draw_command
+        from ._commands.draw import draw_command
 
         sys.exit(draw_command(arguments[1:]))
     if arguments[:1] == ["convert"]:
-        from ._convert_command import convert_command
+        from ._commands.convert import convert_command
 
         sys.exit(convert_command(arguments[1:]))
     if arguments[:1] == ["balance"]:
-        from ._balance_command import balance_command
+        from ._commands.balance import balance_command
 
         sys.exit(balance_command(arguments[1:]))
     try:
@@ -70,11 +70,11 @@ def main() -> None:
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
     if arguments[:1] == ["view"]:
-        from ._view_command import view_command
+        from ._commands.view import view_command
 
         sys.exit(view_command(arguments[1:]))
     if arguments[:1] == ["assemblies"]:
-        from ._assemblies_command import assemblies_command
+        from ._commands.assemblies import assemblies_command
 
         sys.exit(assemblies_command(arguments[1:]))
     if _asks_for_sheet(arguments):
@@ -95,7 +95,7 @@ def _asks_for_sheet(arguments: Sequence[str]) -> bool:
 
 def _run_with_sheet(path: Path, arguments: list[str]) -> int:
     """Run the command, then draw the sheet of its results; the exit status."""
-    from ._commands import SOME_FAILED, refuse
+    from ._commands.common import SOME_FAILED, refuse
 
     target, rest = _take_option(arguments, ("--sheet",))
     if not target or Path(target).suffix.lower() not in (".html", ".pdf"):
@@ -155,10 +155,10 @@ def _executed(path: Path, arguments: list[str]) -> int:
 
 
 def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
-    from ._commands import draw_into_files, refuse, say
+    from ._commands.common import draw_into_files, refuse, say
 
     draw_into_files()
-    from ._sheet import sheet
+    from ._sheets.sheet import sheet
     from .errors import LinkdynError
     from .results import read
     from .scene import Scene

@@ -5,13 +5,13 @@ Every function takes a run, the Dataset of `Scene.inverse` or `Scene.forward`; `
 
 from __future__ import annotations
 
-from ._averages import shares
-from ._bearings import bearing_life, plain_bearing
-from ._causes import contributions
-from ._energy import duty_cycle, energy, flywheel
-from ._marker_motion import marker, relative_pose
-from ._shaking import shaking
-from ._transmissions import cylinder, motor
+from ._cycle.averages import shares
+from ._cycle.bearings import bearing_life, plain_bearing
+from ._cycle.causes import contributions
+from ._cycle.energy import duty_cycle, energy, flywheel
+from ._cycle.shaking import shaking
+from ._cycle.transmissions import cylinder, motor
+from ._geometry.marker_motion import marker, relative_pose
 
 __all__ = [
     "bearing_life", "contributions", "cylinder", "duty_cycle", "energy", "flywheel", "marker", "motor", "plain_bearing", "relative_pose", "shaking", "shares",

@@ -12,15 +12,15 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ._animation import animate
 from ._assemblies import draw_assemblies
-from ._drawing import mechanism
-from ._drawing_arguments import checked
-from ._forces import borne
-from ._lines import abscissa, colour, draw_lines, line, scale_axis
+from ._drawing.animation import animate
+from ._drawing.arguments import checked
+from ._drawing.forces import borne
+from ._drawing.lines import abscissa, colour, draw_lines, line, scale_axis
+from ._drawing.mechanisms import mechanism
+from ._drawing.style import BAD
+from ._drawing.sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from ._printable import printable
-from ._style import BAD
-from ._sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from .errors import InputError
 from .scene import Scene
 

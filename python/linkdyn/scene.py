@@ -35,8 +35,8 @@ from .study import run_study
 from .sweep import run_sweep
 
 if TYPE_CHECKING:
+    from ._cycle.balance import Balance
     from .simulator import Simulator
-    from ._balance import Balance
 
 __all__ = ["Scene", "Poses", "load"]
 
@@ -801,7 +801,7 @@ class Scene:
         >>> found = linkdyn.load("examples/slider_crank/scene.toml").balance(["crank"], "harmonics")
         >>> found.with_counterweights({"crank": 0.06}).inverse()         # doctest: +SKIP
         """
-        from ._balance import balance
+        from ._cycle.balance import balance
 
         return balance(self, links, minimise, harmonics)
 

@@ -12,10 +12,10 @@ import traitlets
 import xarray as xr
 from numpy.typing import NDArray
 
-from ._forces import force_kinds
-from ._style import readable
-from ._view import bundle
-from ._view_data import describe
+from ._drawing.forces import force_kinds
+from ._drawing.style import readable
+from ._view.data import describe
+from ._view.page import bundle
 from .errors import InputError
 from .scene import Scene
 

@@ -14,7 +14,7 @@ import pytest
 from matplotlib import pyplot
 
 import linkdyn
-from linkdyn._new import SCENES, kinds
+from linkdyn._commands.new import SCENES, kinds
 from linkdyn.cli import executable
 
 KINDS = (

@@ -21,13 +21,13 @@ from matplotlib import pyplot
 
 import linkdyn
 from linkdyn import cli, plot
-from linkdyn._assemblies_command import assemblies_command
-from linkdyn._balance_command import balance_command
-from linkdyn._convert_command import convert_command
-from linkdyn._draw_command import draw_command
-from linkdyn._new import new_command
+from linkdyn._commands.assemblies import assemblies_command
+from linkdyn._commands.balance import balance_command
+from linkdyn._commands.convert import convert_command
+from linkdyn._commands.draw import draw_command
+from linkdyn._commands.new import new_command
 from linkdyn._output import write_output
-from linkdyn._view_command import view_command
+from linkdyn._commands.view import view_command
 
 pytestmark = pytest.mark.python_alone
 

@@ -1,6 +1,6 @@
 """Newton and Euler, link by link: the forces that the engine finds, put into the equations again by another road.
 
-Poses are the engine's; velocities and accelerations come from the joints' constraints, differentiated (`_kinematics`), and the sums are
+Poses are the engine's; velocities and accelerations come from the joints' constraints, differentiated (`_geometry.kinematics`), and the sums are
 numpy's. So nothing is shared with the kernels that write the equations down, in whatever axes, about whatever points.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
-from linkdyn import _kinematics
+from linkdyn._geometry import kinematics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENES = [
@@ -31,7 +31,7 @@ def moved(request: pytest.FixtureRequest) -> tuple[linkdyn.Scene, Any, Any]:
     scene = linkdyn.load(EXAMPLES / request.param / "scene.toml")
     run = scene.inverse()
     run = scene.inverse(t=run.time.values[:: max(1, run.time.size // N_SAMPLES)])
-    return scene, run, _kinematics.link_motion(scene, run)
+    return scene, run, kinematics.link_motion(scene, run)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -11,7 +11,7 @@ import linkdyn
 import numpy as np
 import pytest
 from linkdyn.cli import executable
-from linkdyn._kinematics import link_motion
+from linkdyn._geometry.kinematics import link_motion
 from test_joint_kinds import along, check_roads, let_go
 
 pytestmark = pytest.mark.accuracy

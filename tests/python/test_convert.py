@@ -14,9 +14,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from linkdyn import _mjcf_reader, _robot
-from linkdyn._convert_command import convert_command
-from linkdyn._kinematics import link_motion, variable_acceleration, variable_of
+from linkdyn._convert import mjcf_reader
+from linkdyn._convert import robot
+from linkdyn._commands.convert import convert_command
+from linkdyn._geometry.kinematics import link_motion, variable_acceleration, variable_of
 
 import linkdyn
 from linkdyn import Builder, laws
@@ -31,7 +32,7 @@ def machine(name):
     if name in OWN:
         return OWN[name]()
     path = ROOT / "examples" / name / "scene.toml"
-    if (ROOT / "tests" / "scenes" / f"{name}.toml").exists() and name not in linkdyn._new.kinds():
+    if (ROOT / "tests" / "scenes" / f"{name}.toml").exists() and name not in linkdyn._commands.new.kinds():
         path = ROOT / "tests" / "scenes" / f"{name}.toml"
     b = Builder.of(path if path.exists() else linkdyn.new(name))
     for key in ("load", "spring", "friction", "event", "stop", "measures", "laws", "sweep"):
@@ -358,20 +359,20 @@ def test_constraints_are_those_of_mujoco(weld, kind, tmp_path):
     path.write_text(path.read_text().replace('<site name="sb"/>', f'<site name="sb" pos="{words(at)}" quat="{words(quaternion)}"/>'))
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    robot = _robot.without_welds(_mjcf_reader.read_mjcf(path))
+    robot = robot.without_welds(mjcf_reader.read_mjcf(path))
     assert [loop.kind for loop in robot.loops] == [kind]
-    values, _ = _robot.gaps(robot, _robot.pose_of(robot, np.zeros(3)), 1.0)
+    values, _ = robot.gaps(robot, robot.pose_of(robot, np.zeros(3)), 1.0)
     assert np.abs(values).max() < 1e-12
     for moved in (np.zeros(3), np.array([0.1, -0.2, 0.3])):
         data.qpos[:] = moved
         mujoco.mj_forward(model, data)
         rates = np.array(data.efc_J).reshape(data.nefc, model.nv)
-        pose = _robot.pose_of(robot, moved)
+        pose = robot.pose_of(robot, moved)
         np.testing.assert_allclose(pose.position[1:], data.xpos[1:], atol=1e-12)
-        values, own = _robot.gaps(robot, pose, 1.0)
+        values, own = robot.gaps(robot, pose, 1.0)
         if not moved.any():      # where it is closed, the same rates are free
             np.testing.assert_allclose(projector(own), projector(rates), atol=1e-7)
-        steps = [(_robot.gaps(robot, _robot.pose_of(robot, moved + 1e-6 * e), 1.0)[0] - _robot.gaps(robot, _robot.pose_of(robot, moved - 1e-6 * e), 1.0)[0]) / 2e-6 for e in np.eye(3)]
+        steps = [(robot.gaps(robot, robot.pose_of(robot, moved + 1e-6 * e), 1.0)[0] - robot.gaps(robot, robot.pose_of(robot, moved - 1e-6 * e), 1.0)[0]) / 2e-6 for e in np.eye(3)]
         if not moved.any():
             np.testing.assert_allclose(own, np.transpose(steps), atol=1e-8)
 

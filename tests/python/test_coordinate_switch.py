@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 
 import linkdyn
-from linkdyn._postures import poses_of
+from linkdyn._geometry.postures import poses_of
 from linkdyn.cli import executable, quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]

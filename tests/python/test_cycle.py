@@ -10,7 +10,7 @@ import pytest
 
 import linkdyn
 from linkdyn import cycle
-from linkdyn._averages import rms, shares
+from linkdyn._cycle.averages import rms, shares
 from machines import RPM, engine
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -16,7 +16,7 @@ from linkdyn.cli import quadruple_twin
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
-from linkdyn._sheet import sheet_page
+from linkdyn._sheets.sheet import sheet_page
 from sheet_file import number
 from test_frame_motion import arm, four_bar, hexapod, let_go, slider_crank_in_space, swing
 from test_generate import Compiled

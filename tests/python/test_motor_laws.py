@@ -13,7 +13,7 @@ import linkdyn
 import numpy as np
 import pytest
 import xarray as xr
-from linkdyn._sheet import sheet_page
+from linkdyn._sheets.sheet import sheet_page
 from linkdyn.cli import executable, quadruple_twin
 from linkdyn.errors import InputError
 from numpy.typing import NDArray

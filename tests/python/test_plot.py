@@ -10,7 +10,8 @@ import pytest
 from PIL import Image
 
 import linkdyn
-from linkdyn import _run_sheet, plot
+from linkdyn import plot
+from linkdyn._sheets import run_sheet
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
@@ -44,14 +45,14 @@ def test_rounding_of_zero_is_no_reaction(run):
     noisy["reaction"].loc[moments] = rounding
     _, axes = plot.reactions(noisy)
     assert axes.shape == (3, 1)
-    assert not any("Mx" in head for head in _run_sheet._joints(noisy).head)
+    assert not any("Mx" in head for head in run_sheet._joints(noisy).head)
     noisy["reaction"].loc[{"joint": "leg1.P", **moments}] = run.reaction.sel(joint="leg1.P", **moments).values
     _, axes = plot.reactions(noisy)
     assert [axis.get_visible() for axis in axes[:, 1]] == [False, True, False]
     assert [text.get_text().split()[0] for text in axes[1, 1].texts] == ["leg1.P"]
-    table = _run_sheet._joints(noisy)
+    table = run_sheet._joints(noisy)
     column = next(i for i, head in enumerate(table.head) if head.startswith("Mx"))
-    assert [row[0].text for row in table.rows if row[column].text != _run_sheet.NONE] == ["leg1.P"]
+    assert [row[0].text for row in table.rows if row[column].text != run_sheet.NONE] == ["leg1.P"]
 
 
 def test_small_numbers_have_ticks_that_differ(run):
@@ -261,10 +262,10 @@ def test_what_arrows_mean_stands_where_the_mechanism_comes_least(closed_figures)
     """The ram of the shaper ran below it."""
     from matplotlib import pyplot
 
-    from linkdyn import _animation
+    from linkdyn._drawing import animation
 
     _, axes = pyplot.subplots()
     axes.set(xlim=(0, 10), ylim=(0, 10))
     for points, corner in (([[5, 5]], "upper left"), ([[1, 9.5], [5, 5]], "upper right"), ([[1, 9.5], [9, 9.5]], "lower left")):
         postures = SimpleNamespace(points=np.array([[[x, y, 0.0] for x, y in points]]))
-        assert _animation._empty_corner(axes, postures, 2) == corner
+        assert animation._empty_corner(axes, postures, 2) == corner

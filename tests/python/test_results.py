@@ -14,7 +14,7 @@ import pytest
 
 import linkdyn
 from linkdyn import cli
-from linkdyn._postures import scene_of
+from linkdyn._geometry.postures import scene_of
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

@@ -12,9 +12,9 @@ from PIL import Image
 
 import linkdyn
 import linkdyn.plot as plot
-from linkdyn._lines import _apart
-from linkdyn._new import kinds
-from linkdyn._sheet import sheet_page
+from linkdyn._drawing.lines import _apart
+from linkdyn._commands.new import kinds
+from linkdyn._sheets.sheet import sheet_page
 from sheet_file import column, number, read
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]

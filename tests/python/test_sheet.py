@@ -11,7 +11,7 @@ import pytest
 from matplotlib import pyplot
 
 import linkdyn
-from linkdyn._sheet import sheet_page, significant
+from linkdyn._sheets.sheet import sheet_page, significant
 from sheet_file import column, number, read
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]

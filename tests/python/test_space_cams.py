@@ -8,7 +8,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
-from linkdyn._kinematics import link_motion
+from linkdyn._geometry.kinematics import link_motion
 from test_cams import CAMS, LANES, same
 from test_joint_kinds import along, check_roads, let_go
 

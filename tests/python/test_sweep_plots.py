@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import linkdyn
-from linkdyn import _sweep_plots, plot
+from linkdyn import plot
+from linkdyn._drawing import sweep_plots
 from linkdyn.cli import executable
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
@@ -169,7 +170,7 @@ def test_sizing_uses_of_the_limit(run):
 
 def test_use_of_a_sloping_limit():
     """Force 10 - 5 v: the curve grown by s touches (1, 15) where 15 = s (10 - 5/s): s = 2."""
-    use = _sweep_plots._use(np.array([[1.0, 15.0], [-1.0, -15.0], [0.0, 5.0], [np.nan, 1.0]]), np.array([[0.0, 10.0], [2.0, 0.0]]))
+    use = sweep_plots._use(np.array([[1.0, 15.0], [-1.0, -15.0], [0.0, 5.0], [np.nan, 1.0]]), np.array([[0.0, 10.0], [2.0, 0.0]]))
     assert use[:3] == pytest.approx([2.0, 2.0, 0.5], rel=1e-9) and np.isnan(use[3])
 
 
@@ -228,7 +229,7 @@ def test_designs_show_the_front(designed):
 
 def test_pareto_front():
     cost, gain = np.array([3.0, 1.0, 2.0, 2.0, np.nan]), np.array([3.0, 1.0, 2.0, 1.5, 9.0])
-    assert _sweep_plots.pareto_front(cost, gain).tolist() == [1, 2, 0]
+    assert sweep_plots.pareto_front(cost, gain).tolist() == [1, 2, 0]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
-from linkdyn import _kinematics
+from linkdyn._geometry import kinematics
 from test_balance_of_links import acting, inertia_and_weight
 from test_designs import check_all_numbers
 from test_generate import Compiled
@@ -144,7 +144,7 @@ TRAINS = [
 
 def left_over(scene: linkdyn.Scene, run: Any, good: np.ndarray) -> tuple[np.ndarray, float]:
     """Forces, and moments about their origins, that act on moving links less what their motion asks for; and how far they reach."""
-    motion = _kinematics.link_motion(scene, run)
+    motion = kinematics.link_motion(scene, run)
     force, moment = inertia_and_weight(scene, motion)
     for link, point, pull, turn in acting(scene, run, motion):
         if link > 0:

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import linkdyn
-from linkdyn import _view
-from linkdyn._view_command import view_command
+from linkdyn._view import page as view_page
+from linkdyn._commands.view import view_command
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -193,7 +193,7 @@ def test_mesh(browser, tsai_file, tmp_path):
     named = tomllib.loads(scene.text)
     named["link"][0] |= {"mesh": "part.stl", "mesh_unit": "in"}
     named = linkdyn.Scene(named, folder=tmp_path)
-    assert _view.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
+    assert view_page.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
     k = 1 + scene.links.index("platform")
     assert page.value(f"{VIEW}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
     widest = "(geometry => { geometry.computeBoundingBox(); return geometry.boundingBox.max.x; })"
@@ -294,7 +294,7 @@ def test_nothing_foreign_in_the_sources():
 
 
 def test_without_the_viewer(fourbar, monkeypatch, tmp_path):
-    monkeypatch.setattr(_view, "VIEWER", tmp_path)
+    monkeypatch.setattr(view_page, "VIEWER", tmp_path)
     with pytest.raises(linkdyn.UnavailableError, match="built without the viewer"):
         linkdyn.view(fourbar)
 

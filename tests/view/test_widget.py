@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import linkdyn
-from linkdyn import _view
+from linkdyn._view import page as view_page
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PAGE = """<!DOCTYPE html><meta charset="utf-8"><div id="place" style="height: 700px"></div><script type="module">
@@ -39,7 +39,7 @@ def packed(live) -> dict[str, object]:
 
 def test_sliders(browser, live, tmp_path):
     state = packed(live) | {"coordinates": live.coordinates, "q": live.q, "height": 600}
-    code = base64.b64encode(_view.bundle().encode()).decode()
+    code = base64.b64encode(view_page.bundle().encode()).decode()
     (tmp_path / "live.html").write_text(PAGE.format(code=code, state=json.dumps(state)))
     page = browser.open(tmp_path / "live.html")
     tell = "root.querySelector('.chip b').textContent"

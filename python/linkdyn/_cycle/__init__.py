@@ -1,0 +1,1 @@
+"""Results over a cycle, one file each: `linkdyn.cycle` names them."""

@@ -1,0 +1,317 @@
+"""From a drive's force in the mechanism to the motor, screw or cylinder behind it: torque, speed, current, pressure, flow."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from .._arguments import as_known, as_number, as_positive
+from .._geometry.kinematics import link_motion, variable_acceleration, variable_of
+from ..errors import InputError
+from ..results import need_result
+from ..scene import Scene
+from .averages import good_samples, mean, rms, shares
+
+__all__ = ["cylinder", "motor"]
+
+Values = NDArray[np.float64]
+STILL = 1e-9
+"""A speed below this part of the largest is a standstill."""
+
+
+def motor(
+    run: xr.Dataset,
+    actuator: str,
+    scene: Scene,
+    *,
+    ratio: float | None = None,
+    lead: float | None = None,
+    inertia: float = 0.0,
+    efficiency: float = 1.0,
+    back_efficiency: float | None = None,
+    torque_constant: float | None = None,
+    resistance: float | None = None,
+    inductance: float | None = None,
+) -> xr.Dataset:
+    """What an actuator's force or torque asks of the motor behind its gear or screw.
+
+    Where the scene has a drive at the actuator, ``drive`` of its ``[[actuator]]``, it is that drive's motor, as the engine has found it, and no key
+    but resistance and inductance is given (by default the drive's own). Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
+
+    The motor turns n rad for a unit of the joint variable: n is the ratio, or 2 pi/lead. It gives the load's share, F/n over the efficiency where it drives the
+    load, F/n times the back efficiency where the load drives it, and what its own inertia takes. At a standstill the share is F/n.
+
+    Parameters
+    ----------
+    run
+        Results with ``driving_force`` and ``driving_speed``.
+    actuator
+        Of a joint's angle or slide.
+    scene
+        The scene that was run.
+    ratio
+        Motor angle over joint angle of a gear; negative: it turns the other way. One of ratio and lead is wanted: ratio for torques, lead for forces.
+    lead
+        Way of the slide in a turn of the motor [m]: of a screw, of a belt or rack round its pinion.
+    inertia
+        Of the rotor and all that turns with it [kg m^2].
+    efficiency
+        Of gear or screw while the motor drives, in (0, 1].
+    back_efficiency
+        The same while the load drives, at most 1; zero or less: self-locking, the motor has to drive the load down too. Default: the efficiency of gears, of
+        screws 2 - 1/efficiency, which is that of the same friction.
+    torque_constant
+        [N m/A] For the current.
+    resistance
+        [ohm] With the torque constant: for voltage and electric power.
+    inductance
+        [H] With the resistance: the voltage has its part L di/dt, too, by differences of fourth order over the samples. They stand close enough where the
+        current between five of them is smooth; without instants there is no such voltage.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along the run ``motor_speed`` [rad/s], ``motor_torque`` [N m], ``motor_power`` [W], with a torque constant ``motor_current`` [A], with a resistance too
+        ``motor_voltage`` [V] and ``electric_power`` [W]; of the scene's drive ``transmission_loss`` [W], with limits ``torque_margin`` [N m], with a brake
+        ``brake_torque`` [N m]. Of the whole ``rms_torque``, ``peak_torque`` [N m], ``peak_speed`` [rad/s], ``rms_current`` [A].
+        ``attrs["self_locking"]``: 1 where the load cannot drive the motor.
+
+    Raises
+    ------
+    InputError
+        No such actuator, a ratio of a force or a lead of a torque, numbers out of range, keys beside the scene's drive.
+    """
+    if inductance is not None:
+        as_positive("motor: inductance", inductance)
+    given = ratio, lead, inertia or None, None if efficiency == 1.0 else efficiency, back_efficiency, torque_constant
+    if (own := _drive_of(scene, actuator)) is not None:
+        if any(key is not None for key in given):
+            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=, inductance=)")
+        return _of_the_scene(run, actuator, own, resistance, inductance)
+    n = _turns_of(run, actuator, ratio, lead)
+    inertia = as_number("motor: inertia", inertia)
+    if inertia < 0:
+        raise InputError(f"motor: inertia: expected a number from 0 on, got {inertia:g}")
+    efficiency = as_positive("motor: efficiency", efficiency)
+    if efficiency > 1:
+        raise InputError(f"motor: efficiency: expected a number above 0, up to 1, got {efficiency:g}")
+    if back_efficiency is None:
+        back = efficiency if lead is None else 2 - 1 / efficiency
+    else:
+        back = as_number("motor: back_efficiency", back_efficiency)
+        if back > 1:
+            raise InputError(f"motor: back_efficiency: expected a number up to 1, got {back:g}")
+    force, speed = (need_result(run, name, "motor").sel(actuator=actuator).values for name in ("driving_force", "driving_speed"))
+    power = force * speed
+    still = np.abs(speed) <= STILL * np.nanmax(np.abs(speed), initial=0.0)
+    torque = force / n * np.where(still | (power == 0), 1.0, np.where(power > 0, 1 / efficiency, back))
+    if inertia > 0:
+        torque = torque + inertia * n * _acceleration_of(run, actuator, scene)
+    return _whole(run, actuator, torque, n * speed, torque_constant, resistance, inductance, back <= 0)
+
+
+def cylinder(
+    run: xr.Dataset,
+    actuator: str,
+    *,
+    bore: float,
+    rod: float = 0.0,
+    supply: float | None = None,
+    tank: float = 0.0,
+    extends: int = 1,
+) -> xr.Dataset:
+    """Pressures and flows of a hydraulic or pneumatic cylinder that gives an actuator's force.
+
+    The side that does not push stands under the tank's pressure; so the other has what the force asks for.
+
+    Parameters
+    ----------
+    run
+        Results with ``driving_force``, ``driving_speed``.
+    actuator
+        Of a slide.
+    bore, rod
+        Diameters of piston and rod [m].
+    supply
+        Pressure of the supply [Pa]: samples that ask for more are counted.
+    tank
+        Pressure of the side that does not push [Pa].
+    extends
+        1: the cylinder grows longer as the slide grows; -1: it grows shorter.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along the run ``head_pressure``, ``rod_pressure`` [Pa], ``head_flow``, ``rod_flow`` [m^3/s] into the sides without and with the rod, ``hydraulic_power`` [W] of
+        the side that pushes, above the tank's pressure. Of the whole ``peak_pressure`` [Pa], ``peak_flow``, ``mean_flow`` [m^3/s] out of the supply, ``stroke`` [m]
+        and ``stroke_volume`` [m^3] where the joint variables are among the results. ``attrs["above_supply"]``: samples beyond the supply.
+
+    Raises
+    ------
+    InputError
+        No such actuator, one of a torque, a rod as thick as the piston, numbers out of range.
+    """
+    _known_actuator(run, actuator, "cylinder", "N")
+    bore = as_positive("cylinder: bore", bore)
+    rod = as_number("cylinder: rod", rod)
+    if not 0 <= rod < bore:
+        raise InputError(f"cylinder: rod: expected a diameter from 0 on, less than the bore of {bore:g} m, got {rod:g}")
+    if extends not in (1, -1):
+        raise InputError(f"cylinder: extends: expected 1 or -1, got {extends!r}")
+    tank = as_number("cylinder: tank", tank)
+    force, speed = (extends * need_result(run, name, "cylinder").sel(actuator=actuator).values for name in ("driving_force", "driving_speed"))
+    head_area = math.pi / 4 * bore**2
+    rod_area = head_area - math.pi / 4 * rod**2
+    pushes = force + tank * (rod_area - head_area) >= 0
+    head = np.where(pushes, (force + tank * rod_area) / head_area, tank)
+    ring = np.where(pushes, tank, (tank * head_area - force) / rod_area)
+    gone = np.isnan(force)
+    head[gone] = ring[gone] = np.nan
+    head_flow, rod_flow = head_area * speed, -rod_area * speed
+    active = np.where(pushes, head_flow, rod_flow)
+    pressure = np.where(pushes, head, ring)
+    weights, good = shares(run), good_samples(run)
+    found = {
+        "head_pressure": (head, "Pa", "pressure on the side without the rod"),
+        "rod_pressure": (ring, "Pa", "pressure on the side with the rod"),
+        "head_flow": (head_flow, "m3/s", "flow into the side without the rod"),
+        "rod_flow": (rod_flow, "m3/s", "flow into the side with the rod"),
+        "hydraulic_power": ((pressure - tank) * active, "W", "power of the side that pushes"),
+    }
+    drawn = np.maximum(np.maximum(head_flow, rod_flow), 0.0)
+    whole = {
+        "peak_pressure": (_peak(pressure, good), "Pa", "largest pressure"),
+        "peak_flow": (_peak(drawn, good), "m3/s", "largest flow out of the supply"),
+        "mean_flow": (mean(drawn, weights), "m3/s", "mean flow out of the supply"),
+    }
+    name = f"{actuator.partition(':')[0].removesuffix('.slide')}.slide"
+    if "joint_variable" in run and name in run["variable"].values:
+        slide = run.joint_variable.sel(variable=name).values[good]
+        stroke = np.ptp(slide) if slide.size else np.nan
+        whole["stroke"] = (stroke, "m", "way between both ends of the motion")
+        whole["stroke_volume"] = (stroke * head_area, "m3", "what the side without the rod takes over that way")
+    above = 0 if supply is None else int(np.sum(pressure[good] > as_positive("cylinder: supply", supply)))
+    return _told(run, found, whole, {"actuator": actuator, "above_supply": above})
+
+
+# ---------------------------------------------------------------- parts
+
+def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:
+    """The scene's own drive at an actuator."""
+    return next((motor for motor in scene.description["motors"] if motor["name"] == actuator), None)
+
+
+def _of_the_scene(run: xr.Dataset, actuator: str, drive: dict[str, Any], resistance: float | None, inductance: float | None) -> xr.Dataset:
+    """As the engine has found it."""
+    torque, speed = (need_result(run, name, "motor").sel(motor=actuator).values for name in ("motor_torque", "motor_speed"))
+    known = drive["resistance"] if resistance is None else resistance
+    wound = (drive["inductance"] or None) if inductance is None else inductance
+    found = _whole(run, actuator, torque, speed, drive["torque_constant"] or None, known or None, wound, drive["back_efficiency"] <= 0)
+    beside = [name for name in ("transmission_loss", "brake_torque", "torque_margin") if name in run]
+    return found.assign({name: run[name].sel(motor=actuator, drop=True) for name in beside})
+
+
+def _whole(
+    run: xr.Dataset, actuator: str, torque: Values, speed: Values, torque_constant: float | None, resistance: float | None,
+    inductance: float | None, locks: bool,
+) -> xr.Dataset:  # fmt: skip
+    """What follows from torque and speed along the run, and figures of the whole."""
+    found: dict[str, tuple[Any, str, str]] = {
+        "motor_speed": (speed, "rad/s", "speed of the motor"),
+        "motor_torque": (torque, "N m", "torque of the motor"),
+        "motor_power": (speed * torque, "W", "power of the motor at its shaft"),
+    }
+    weights, good = shares(run), good_samples(run)
+    whole = {
+        "rms_torque": (rms(torque, weights), "N m", "rms torque of the motor"),
+        "peak_torque": (_peak(torque, good), "N m", "largest torque of the motor, without sign"),
+        "peak_speed": (_peak(speed, good), "rad/s", "largest speed of the motor, without sign"),
+    }
+    if torque_constant is not None:
+        constant = as_positive("motor: torque_constant", torque_constant)
+        current = torque / constant
+        found["motor_current"] = (current, "A", "current of the motor")
+        whole["rms_current"] = (rms(current, weights), "A", "rms current of the motor")
+        if resistance is not None:
+            voltage = as_positive("motor: resistance", resistance) * current + constant * speed
+            if inductance is not None and "time" in run.coords:
+                voltage = voltage + inductance * _slope(run.time.values, current)
+            if inductance is None or "time" in run.coords:
+                found["motor_voltage"] = (voltage, "V", "voltage of the motor")
+                found["electric_power"] = (voltage * current, "W", "electric power of the motor")
+    elif resistance is not None:
+        raise InputError("motor: resistance says nothing without torque_constant")
+    if inductance is not None and (resistance is None or torque_constant is None):
+        raise InputError("motor: inductance says nothing without torque_constant and resistance")
+    return _told(run, found, whole, {"actuator": actuator, "self_locking": int(locks)})
+
+
+def _slope(t: Values, y: Values) -> Values:
+    """Derivative at the samples, of the polynomial through the five nearest of them, or through as many as there are."""
+    n, width = len(t), min(5, len(t))
+    first = np.clip(np.arange(n) - width // 2, 0, n - width)
+    near = first[:, np.newaxis] + np.arange(width)
+    # y' = V^-1 with the powers of the times from here: the row of the first power
+    x = t[near] - t[:, np.newaxis]
+    scale = np.abs(x).max(axis=1, keepdims=True)
+    scale[scale == 0] = 1.0
+    powers = (x / scale)[:, np.newaxis, :] ** np.arange(width)[:, np.newaxis]
+    unit = np.zeros((n, width, 1))
+    unit[:, min(1, width - 1), 0] = 1.0 if width > 1 else 0.0
+    weights = np.linalg.solve(powers, unit)[..., 0] / scale
+    slope: Values = np.sum(weights * y[near], axis=1)
+    return slope
+
+
+def _turns_of(run: xr.Dataset, actuator: str, ratio: float | None, lead: float | None) -> float:
+    """Motor angle for a unit of the joint variable."""
+    unit = _known_actuator(run, actuator, "motor")
+    if (ratio is None) == (lead is None):
+        raise InputError("motor: expected one of ratio= (of a torque) and lead= (of a force)")
+    if ratio is not None:
+        if unit == "N":
+            raise InputError(f"motor: actuator {actuator!r} gives a force (expected lead=, the way of its slide in a turn of the motor)")
+        n = as_number("motor: ratio", ratio)
+        if n == 0:
+            raise InputError("motor: ratio: expected a number that is not 0")
+        return n
+    if unit != "N":
+        raise InputError(f"motor: actuator {actuator!r} gives a torque (expected ratio=, motor angle over joint angle)")
+    way = as_number("motor: lead", lead)
+    if way == 0:
+        raise InputError("motor: lead: expected a way that is not 0")
+    return 2 * math.pi / way
+
+
+def _known_actuator(run: xr.Dataset, actuator: str, caller: str, unit: str | None = None) -> str:
+    names = list(map(str, need_result(run, "driving_force", caller)["actuator"].values))
+    as_known(f"{caller}: actuator", actuator, names, "actuator")
+    found = str(run["actuator_unit"].values[names.index(actuator)])
+    if unit is not None and found != unit:
+        raise InputError(f"{caller}: actuator {actuator!r} gives a torque (expected one that gives a force)")
+    return found
+
+
+def _acceleration_of(run: xr.Dataset, actuator: str, scene: Scene) -> Values:
+    found = variable_of(scene, actuator)
+    if found is None:
+        raise InputError(f"motor: the scene has no actuator {actuator!r} (expected the scene that was run)")
+    return variable_acceleration(link_motion(scene, run), *found)
+
+
+def _peak(values: Values, good: NDArray[np.bool_]) -> float:
+    return float(np.abs(values[good]).max()) if good.any() else float("nan")
+
+
+def _told(run: xr.Dataset, along: dict[str, tuple[Any, str, str]], whole: dict[str, tuple[Any, str, str]], attributes: dict[str, Any]) -> xr.Dataset:
+    coordinates = run.coords["time"].coords if "time" in run.coords else {}
+    return xr.Dataset(
+        {name: ("sample", values, {"units": unit, "long_name": words}) for name, (values, unit, words) in along.items()}
+        | {name: ((), value, {"units": unit, "long_name": words}) for name, (value, unit, words) in whole.items()},
+        coordinates,
+        attributes,
+    )

@@ -1,0 +1,1 @@
+"""Pictures of mechanisms, runs and sweeps: `linkdyn.plot` names them."""

@@ -1,0 +1,132 @@
+"""A drawing of any scene, and how wide the picture must be. What links look like is told by
+`_planar_shapes` and `_spatial_shapes`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import ArrayLike, NDArray
+
+from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures
+from .._printable import printable
+from ..errors import InputError
+from ..scene import Scene
+from .arguments import checked
+from .lines import scale_axis
+from .planar_shapes import draw_planar
+from .spatial_shapes import draw_spatial
+
+__all__ = ["draw", "mechanism", "picture_size", "set_limits"]
+
+Points = NDArray[np.float64]
+
+LARGEST = (7.5, 7.0)
+"""Of a picture [inch]."""
+LOWEST = 2.4
+LEAST = 0.5, 0.3
+"""Width and height of a planar drawing, at least, as parts of the larger of both."""
+LARGE = 2.0
+"""From so many metres on a drawing is numbered in metres, else in millimetres."""
+
+
+@checked
+def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure | SubFigure, Axes]:
+    """Draw a scene in one position; planar scenes in the plane.
+
+    Parameters
+    ----------
+    scene
+        The mechanism.
+    q
+        (n,) coordinates [m, rad]; default: where the scene's motion begins.
+    names
+        Write names of links and joints; those of a chain ("leg1.U", "leg1.P", ...) as one ("leg1").
+    ax
+        Axes to draw in (three-dimensional for a spatial scene); default: a new figure.
+
+    Returns
+    -------
+    figure, axes
+
+    Raises
+    ------
+    InputError
+        The mechanism cannot be assembled at ``q``.
+    """
+    position = scene.motion()[0][0] if q is None else np.asarray(q)
+    postures, assembled = find_postures(scene, scene.poses(np.atleast_2d(position), in_order=False))
+    if not assembled[0]:
+        raise InputError("mechanism: it cannot be assembled in this position")
+    if ax is None:
+        figure = pyplot.figure(figsize=picture_size(postures), layout="constrained")
+        ax = figure.add_subplot(projection=None if scene.planar else "3d")
+    set_limits(ax, postures)
+    draw(ax, postures, 0, names)
+    if scene.title:
+        ax.set_title(printable(scene.title), fontsize="medium")
+    return ax.figure, ax
+
+
+def draw(ax: Axes, postures: Postures, sample: int, names: bool) -> None:
+    """The mechanism at one sample, in axes whose limits are set."""
+    posture = postures.at(sample)
+    if not postures.scene.planar:
+        fields = {joint["name"]: postures.field(joint) for joint in _joints(postures.scene) if joint["type"] == "planar"}
+        draw_spatial(ax, posture, fields, names)
+        return
+    slides = {joint["name"]: postures.travel(joint) for joint in _joints(postures.scene) if joint["type"] == "prismatic"}
+    draw_planar(ax, posture, slides, names)
+
+
+def _joints(scene: Scene) -> list[dict[str, Any]]:
+    joints: list[dict[str, Any]] = scene.description["joints"]
+    return joints
+
+
+def _limits(postures: Postures) -> tuple[Points, Points]:
+    points = postures.points.reshape(-1, 3)
+    lowest, highest = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    extent = float((highest - lowest).max()) or 1.0     # all in one point: [m]
+    room = np.full(3, (0.13 if postures.scene.planar else 0.05) * extent)
+    if postures.scene.planar:       # names stand beside what is narrow
+        room[:2] = np.maximum(room[:2], 0.5 * (np.array(LEAST) * (extent + 2 * room[0]) - (highest - lowest)[:2]))
+    return lowest - room, highest + room
+
+
+def picture_size(postures: Postures, largest: tuple[float, float] = LARGEST) -> tuple[float, float]:
+    """Size of a picture [inch] in which nothing is lost to empty margins: a flat mechanism has a flat picture."""
+    if not postures.scene.planar:
+        return largest
+    lowest, highest = _limits(postures)
+    width, height = (highest - lowest)[:2]
+    surround = (0.8, 1.0)  # numbers and names of the axes, title
+    scale = min((largest[0] - surround[0]) / width, (largest[1] - surround[1]) / height)
+    return max(4.5, width * scale + surround[0]), max(LOWEST, height * scale + surround[1])
+
+
+def set_limits(ax: Any, postures: Postures) -> None:
+    """Limits that hold the mechanism at every sample."""
+    lowest, highest = _limits(postures)
+    names = "xy" if postures.scene.planar else "xyz"
+    extent = (highest - lowest)[: len(names)]
+    size = float(extent.max())
+    for name, low, high, part in zip(names, lowest, highest, extent / size):
+        getattr(ax, f"set_{name}lim")(low, high)
+        # numbers of a short axis lie closer, and over each other, in space above all
+        ticks = min(6, max(2, round(10 * part))) if postures.scene.planar else max(2, round(6 * part))
+        scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=ticks)
+        if 6 * part < 1:
+            getattr(ax, f"set_{name}ticks")([0.5 * (low + high)])
+        if size >= LARGE:
+            getattr(ax, f"set_{name}label")(f"{name} [m]")
+        if not postures.scene.planar:
+            getattr(ax, f"{name}axis").labelpad = 8     # matplotlib's own lies over numbers of three digits
+    if postures.scene.planar:
+        ax.set_aspect("equal")
+    else:
+        ax.set_box_aspect(highest - lowest, zoom=0.95)
+        ax.view_init(elev=ELEVATION, azim=best_azimuth(postures.points[0]))

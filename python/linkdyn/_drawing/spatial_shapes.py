@@ -1,0 +1,194 @@
+"""What a spatial mechanism looks like: rods, plates, sleeves of slides, a symbol for each kind of joint."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.patheffects import withStroke
+from mpl_toolkits.mplot3d import Axes3D, proj3d
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import NDArray
+
+from .._geometry.cams import face, is_cam, roller, silhouettes
+from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
+from .planar_shapes import around, distinct, jointed, lighter, link_colour
+
+if TYPE_CHECKING:
+    from .._geometry.postures import Posture
+
+__all__ = ["draw_spatial"]
+
+Points = NDArray[np.float64]
+
+SYMBOLS = {"revolute": "o", "prismatic": "s", "cylindrical": "D", "universal": "P", "spherical": ".", "fixed": "X", "planar": "p", "screw": "H"}
+SYMBOL_SIZES = {".": 12.0}
+FONT = 8.0
+HALO = withStroke(linewidth=2.5, foreground=(1.0, 1.0, 1.0, 0.75))
+"""Names can be read on lines."""
+PLACES = (("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top"), ("left", "bottom"), ("right", "top"),
+          ("left", "top"), ("right", "bottom"))
+"""Where a name may stand from its point, as matplotlib aligns it."""
+ALIGNED = {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0, "top": 1.0}
+SLIDING = ("prismatic", "cylindrical", "screw")
+"""Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
+
+
+def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float]]], names: bool) -> None:
+    """Draw a spatial mechanism in three-dimensional axes whose limits are set.
+
+    Parameters
+    ----------
+    ax
+        Such axes.
+    posture
+        Where its markers are.
+    fields
+        Travel of each planar joint along x and y of its first marker [m]: so large are the tables.
+    names
+        Write names of links and joints, and a legend.
+    """
+    joints = posture.scene.description["joints"]
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color((0.97, 0.97, 0.97, 1.0))
+        axis._axinfo["grid"].update(color="0.88", linewidth=0.6)
+    for k, markers in enumerate(posture.markers):
+        _draw_link(ax, markers, jointed(posture, k), link_colour(k))
+    _draw_wheels(ax, posture)
+    _draw_cams(ax, posture)
+    listed: set[str] = set()
+    for joint in joints:
+        if is_geared(joint) or is_cam(joint):
+            continue
+        if joint["name"] in fields:
+            _draw_table(ax, posture, joint, fields[joint["name"]])
+        _draw_joint(ax, joint, _ends(posture, joint), listed)
+    if names:
+        _write_names(ax, posture)
+        ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
+
+
+def _ends(posture: Posture, joint: dict[str, Any]) -> Points:
+    """(2, 3) points of a joint on its first and second link."""
+    return np.array([posture.markers[link][name] for link, name in zip(joint["links"], joint["markers"])])
+
+
+def _draw_link(ax: Axes3D, markers: dict[str, Points], held: set[str], colour: str) -> None:
+    """A rod between two joints, a plate between more; thin lines to all other markers."""
+    if not markers:
+        return
+    corners = distinct(np.array([markers[name] for name in held or markers]))
+    style: dict[str, Any] = {"color": colour, "linewidth": 2.6, "solid_capstyle": "round", "solid_joinstyle": "round"}
+    if len(corners) > 2:
+        outline = corners[around(corners)]
+        ax.add_collection3d(Poly3DCollection([outline], facecolor=(*lighter(colour, 0.5), 0.45), edgecolor="none"))
+        ax.plot(*np.concatenate([outline, outline[:1]]).T, **style)
+    else:
+        ax.plot(*corners.T, **style)
+    centre = corners.mean(axis=0)
+    for name, point in markers.items():
+        if name not in held and not np.isclose(corners, point).all(axis=1).any():
+            ax.plot(*np.array([centre, point]).T, color=colour, linewidth=0.9, linestyle=":", marker=".", markersize=4)
+
+
+def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str]) -> None:
+    colour = link_colour(joint["links"][1])
+    place = ends[1]
+    if joint["type"] in SLIDING:
+        place = ends.mean(axis=0)
+        ax.plot(*np.array([ends[0], place]).T, color=link_colour(joint["links"][0]), linewidth=6.0, solid_capstyle="butt")
+        ax.plot(*ends.T, color=colour, linewidth=2.0)
+    marker = SYMBOLS[joint["type"]]
+    ax.plot(
+        *place[:, np.newaxis],
+        marker=marker,
+        markersize=SYMBOL_SIZES.get(marker, 7.0),
+        markerfacecolor="white",
+        markeredgecolor=colour,
+        linestyle="none",
+        label=None if joint["type"] in listed else joint["type"],
+        zorder=15,
+    )
+    listed.add(joint["type"])
+
+
+def _draw_wheels(ax: Axes3D, posture: Posture) -> None:
+    """Pitch circles with a spoke, belts."""
+    for link, marker, radius in wheels(posture.scene.description):
+        frame = frame_of(posture, link, marker)
+        circle = rim(*frame, radius)
+        ax.plot(*circle.T, color=link_colour(link), linewidth=1.6)
+        ax.plot(*np.array([frame[0], circle[0]]).T, color=link_colour(link), linewidth=0.8)
+    for joint in posture.scene.description["joints"]:
+        if joint["type"] == "belt":
+            for run in belt_runs(posture, joint):
+                ax.plot(*np.array(run).T, color="0.15", linewidth=1.4)
+
+
+def _draw_cams(ax: Axes3D, posture: Posture) -> None:
+    """Outlines of cams and the drums that they go round, rollers."""
+    for joint in filter(is_cam, posture.scene.description["joints"]):
+        first, second = (link_colour(link) for link in joint["links"])
+        lines = silhouettes(posture, joint)
+        for line in lines:
+            ax.plot(*line.T, color=first, linewidth=1.6)
+        faces = lines if not joint["groove"] and joint["side"] > 0 else []
+        if joint["barrel"]:
+            faces = [np.array([*edge[k : k + 2], *end[k : k + 2][::-1]]) for edge, end in zip(lines[::2], lines[1::2]) for k in range(len(edge) - 1)]
+        ax.add_collection3d(Poly3DCollection(faces, facecolor=(*lighter(first, 0.5), 0.45), edgecolor="none"))
+        if joint["radius"] > 0:
+            ax.add_collection3d(Poly3DCollection([roller(posture, joint)], facecolor=lighter(second, 0.35), edgecolor=second, linewidth=1.3))
+        if joint["follower"] == "flat":
+            ax.add_collection3d(Poly3DCollection([face(posture, joint)], facecolor=(*lighter(second, 0.35), 0.7), edgecolor=second, linewidth=1.3))
+
+
+def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:
+    """The plane that a planar joint slides on, as large as its travel and a little more."""
+    link, name = joint["links"][0], joint["markers"][0]
+    point, x = posture.markers[link][name], posture.x_axes[link][name]
+    y = np.cross(posture.axes[link][name], x)
+    room = 0.12 * max(np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))
+    (left, right), (near, far) = ((low - room, high + room) for low, high in field)
+    corners = [point + a * x + b * y for a, b in ((left, near), (right, near), (right, far), (left, far))]
+    colour = link_colour(link)
+    ax.add_collection3d(Poly3DCollection([corners], facecolor=(*lighter(colour, 0.3), 0.35), edgecolor=colour, linewidth=0.8))
+
+
+def _write_names(ax: Axes3D, posture: Posture) -> None:
+    """Names of links first, then of joints; those for which there is no room are left out."""
+    figure = ax.get_figure(root=True)
+    figure.draw_without_rendering()     # where things are is known only then
+    labels = _labels(posture)
+    links = {link["name"] for link in posture.scene.description["links"]}
+    letter = np.array([0.62, 1.25]) * FONT * figure.dpi / 72
+    taken: list[tuple[Points, Points]] = []
+    for text in sorted(labels, key=lambda name: name not in links):
+        x, y, _ = proj3d.proj_transform(*labels[text], ax.get_proj())
+        size = letter * [len(text) + 2, 1]
+        for ha, va in PLACES:
+            low = ax.transData.transform((x, y)) - size * [ALIGNED[ha], ALIGNED[va]]
+            if all((low + size <= start).any() or (low >= stop).any() for start, stop in taken):
+                taken.append((low, low + size))
+                ax.text(*labels[text], f"  {text}  ", fontsize=FONT, color="0.1", zorder=20, ha=ha, va=va, path_effects=[HALO])
+                break
+
+
+def _place_of(posture: Posture, joint: dict[str, Any]) -> Points:
+    """Where a joint is to be seen."""
+    if is_geared(joint):
+        return pitch_point(posture, joint)
+    ends = _ends(posture, joint)
+    place: Points = ends[1] if is_cam(joint) else ends.mean(axis=0)
+    return place
+
+
+def _labels(posture: Posture) -> dict[str, Points]:
+    """Names and where to write them; of a chain the part before the dot, once."""
+    gathered: dict[str, list[Points]] = {}
+    description = posture.scene.description
+    for joint in description["joints"]:
+        gathered.setdefault(joint["name"].split(".")[0], []).append(_place_of(posture, joint))
+    for link, points in zip(description["links"], posture.markers):
+        if "." not in link["name"] and points:
+            gathered.setdefault(link["name"], []).append(np.mean(list(points.values()), axis=0))
+    return {text: np.mean(points, axis=0) for text, points in gathered.items()}

@@ -1,0 +1,1 @@
+"""Sheets of runs and sweeps, as HTML and PDF."""

@@ -1,0 +1,427 @@
+"""The sheet of a run: drives and bearings with their loads, what is beyond a limit, pictures of the machine and its forces.
+
+It is drawn as that of a sweep, by `_sheet_html` and `_sheet_pdf`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from .._cycle.averages import good_samples, rms, shares
+from .._cycle.energy import energy
+from .._drawing.forces import borne
+from .._drawing.style import readable
+from .._drawing.sweep_data import describe_place
+from .._geometry.kinematics import variable_of
+from .._geometry.postures import scene_of
+from .._printable import printable
+from ..errors import InputError, LinkdynError
+from ..scene import Scene
+from .sheet import NONE, Cell, Page, Picture, Table, cell_of, count_words, limits_table, machine_picture, provenance
+
+__all__ = ["run_page", "turning_coordinate"]
+
+Values = NDArray[np.float64]
+
+MOST_HODOGRAPHS = 6
+"""Joints whose forces are drawn: those with the largest."""
+LOWEST_TRANSMISSION = np.radians(40.0)
+"""VDI 2125 wants no smaller transmission angle of what turns at speed."""
+ROUNDING = 1e-12
+"""Of the largest value: what is left of a sum that is zero."""
+ROUNDED = 1e-9
+"""Of a torque: what is saturated at its limit is not beyond it."""
+IMBALANCE = 1e-9
+"""Of the power, as a part of its terms: rounding leaves some 1e-15."""
+HARDLY = 1e-9
+"""Of the largest power of a run: less is none."""
+
+
+def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
+    """What stands on the sheet of a run.
+
+    Raises
+    ------
+    InputError
+        The run has neither driving forces nor reactions.
+    """
+    if "driving_force" not in run and "reaction" not in run:
+        raise InputError("sheet: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or all)")
+    scene = scene if scene is not None else _kept(run)
+    page = Page(printable(str(run.attrs.get("title") or "Run")))
+    page.lines = _facts(run)
+    limits = _bounded(run, scene)
+    page.tables = [
+        table
+        for table in (_warnings(run, limits), *_drives(run, scene), _motors(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
+                      limits_table(limits) if limits is not None else None)
+        if table is not None
+    ]
+    page.pictures = _pictures(run, scene)
+    page.notes = _notes(run)
+    return page
+
+
+def turning_coordinate(run: xr.Dataset) -> str | None:
+    """The crank: the only coordinate, an angle that turns on by a turn at least; None if there is no such."""
+    if run.sizes.get("coordinate") != 1 or str(run.coordinate_unit.values[0]) != "rad" or run.sizes["sample"] < 2:
+        return None
+    steps = np.diff(run.q.values[:, 0])
+    turns = abs(run.q.values[-1, 0] - run.q.values[0, 0])
+    is_crank = ((steps > 0).all() or (steps < 0).all()) and turns > 2 * np.pi * (1 - 1e-9)
+    return str(run.coordinate.values[0]) if is_crank else None
+
+
+def _kept(run: xr.Dataset) -> Scene | None:
+    """The scene that the run keeps, if it needs no other files."""
+    try:
+        return scene_of(run, "sheet")
+    except LinkdynError:
+        return None
+
+
+# ---------------------------------------------------------------- head and warnings
+
+def _facts(run: xr.Dataset) -> list[str]:
+    n = run.sizes["sample"]
+    line = f"{count_words(n)} sample{'s' if n != 1 else ''}"
+    if "time" in run.coords and n:
+        line += f", {float(run.time[0]):g} s to {float(run.time[-1]):g} s"
+    if "method" in run.attrs:
+        line += f", forward dynamics by {run.attrs['method']}"
+    return [line, provenance(run)]
+
+
+def _notes(run: xr.Dataset) -> list[str]:
+    notes = ["A driving force is positive where it drives its joint variable up. Rms values are over the run's time."]
+    if "reaction" in run:
+        notes.append("Joint loads are magnitudes, without the driving force of a driven joint.")
+    return notes
+
+
+def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
+    """What a designer must know before the numbers; nothing where there is nothing."""
+    rows: list[tuple[str, str]] = []
+    bad = ~good_samples(run)
+    if bad.any():
+        meanings = str(run.status.attrs.get("flag_meanings", "")).split()
+        kinds = ", ".join(dict.fromkeys(meanings[code] if code < len(meanings) else str(code) for code in run.status.values[bad]))
+        why = f": {run.attrs['failure']}" if run.attrs.get("failure") else ""
+        rows.append((f"{count_words(int(bad.sum()))} of {count_words(len(bad))} samples failed ({kinds})", f"first at {_place(run, int(bad.argmax()))}{why}"))
+    if run.attrs.get("stopped"):
+        rows.append(("the run stopped before its end", str(run.attrs["stopped"])))
+    for name, words in (("change_points_passed", "change points passed"), ("assemblies_found_anew", "assemblies found anew from the start")):
+        if n := int(run.attrs.get(name, 0)):
+            code = 1 if name == "change_points_passed" else 2
+            first = int((run.assembly.values == code).argmax()) if "assembly" in run else 0
+            rows.append((f"{n} {words}", f"first at {_place(run, first)}"))
+    if "power_imbalance" in run:
+        worst = np.where(_is_at_work(run), np.nan_to_num(np.abs(run.power_imbalance.values)), 0.0)
+        if worst.size and worst.max() > IMBALANCE:
+            rows.append((f"the power balance is off by {worst.max():.2g} of its terms", f"at {_place(run, int(worst.argmax()))}"))
+    if shared := str(run.attrs.get("shared_reactions", "")):
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ")))
+        taken = {"stiffness": "the least elastic energy"}.get(str(run.attrs["redundancy"]), "the least sum of squares")
+        rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}", ", ".join(joints)))
+    rows += _overloads(run)
+    rows += _beyond(limits) if limits is not None else []
+    if not rows:
+        return None
+    return Table("Warnings", ["what", "where"], [[Cell(what, alarm=True), Cell(where)] for what, where in rows], wide=(0, 1))
+
+
+def _is_at_work(run: xr.Dataset) -> NDArray[np.bool_]:
+    """(N,) where drives give or take any power to speak of: in the dwell of a cam, or at rest, the balance is rounding by rounding."""
+    power = np.nan_to_num(np.abs(run.driving_power.values)).sum(axis=1) if "driving_power" in run else np.zeros(0)
+    if not power.any():
+        return np.ones(run.sizes["sample"], dtype=bool)
+    at_work: NDArray[np.bool_] = power > HARDLY * power.max()
+    return at_work
+
+
+def _overloads(run: xr.Dataset) -> list[tuple[str, str]]:
+    """Motors of which more torque is asked than they have at their speed, each with the worst sample."""
+    if "torque_margin" not in run or not run.sizes["sample"]:
+        return []
+    rows = []
+    for k, name in enumerate(map(str, run.motor.values)):
+        torque, margin = np.abs(run.motor_torque.values[:, k]), np.nan_to_num(run.torque_margin.values[:, k], nan=np.inf)
+        short = margin < -ROUNDED * torque
+        if not short.any():
+            continue
+        worst = int(margin.argmin())
+        factor, word = readable("N m", float(torque[worst]))
+        rows.append((f"the motor of {name} is overloaded in {count_words(int(short.sum()))} of {count_words(len(short))} samples: {torque[worst] * factor:.4g} {word}, "
+                     f"available {max(0.0, torque[worst] + margin[worst]) * factor:.4g} {word}", f"most at {_place(run, worst)}, first at {_place(run, int(short.argmax()))}"))
+    return rows
+
+
+def _beyond(limits: xr.Dataset) -> list[tuple[str, str]]:
+    """Limits that are exceeded, each with the extreme that does and its instant."""
+    rows = []
+    for k, name in enumerate(map(str, limits.bound.values)):
+        quantity, at, unit = str(limits.bound_of.values[k]), str(limits.bound_at.values[k]), str(limits.bound_unit.values[k])
+        for side, sign in (("max", 1.0), ("min", -1.0)):
+            allowed = float(limits[f"bound_{side}"].values[k])
+            found, places = limits[f"{quantity}_{side}"], limits[f"{quantity}_{side}_at"].values
+            labels = [" ".join(map(str, label)) for label in _labels(found)]
+            values = found.values.reshape(-1)
+            chosen = [i for i in range(len(values)) if not at or labels[i] in at.split(", ")]
+            worst = max(chosen, key=lambda i: np.nan_to_num(sign * values[i], nan=-np.inf))
+            if np.isnan(allowed) or not sign * values[worst] > sign * allowed:
+                continue
+            factor, word = readable(unit, max(abs(allowed), abs(float(values[worst]))))
+            numbers = f"{values[worst] * factor:.4g} {word}, allowed {allowed * factor:.4g} {word}".replace("-", "−")
+            rows.append((f"beyond the limit {name}: {labels[worst]} {numbers}".replace("  ", " "),
+                         f"at {describe_place(limits, places.reshape(len(values), -1)[worst])}"))
+    return rows
+
+
+def _labels(values: xr.DataArray) -> list[tuple[Any, ...]]:
+    labels: list[tuple[Any, ...]] = [()]
+    for dimension in values.dims:
+        labels = [(*before, label) for before in labels for label in values[dimension].values]
+    return labels
+
+
+def _bounded(run: xr.Dataset, scene: Scene | None) -> xr.Dataset | None:
+    """The bounds that the scene's sweep states, looked for along the run: as a sweep over its instants, where they exclude nothing."""
+    if scene is None or "time" not in run.coords or "method" in run.attrs or run.sizes["sample"] < 2:
+        return None
+    table = tomllib.loads(scene.text).get("sweep", {})
+    bounds = [*table.get("constraint", []), *table.get("limit", [])]
+    if not bounds or not np.array_equal(scene.motion(run.time.values)[0], run.q.values):
+        return None
+    axis = {"time": True, "values": run.time.values.tolist()}
+    kept = {key: table[key] for key in ("on", "length", "clearance", "swing") if key in table}
+    try:
+        return scene.sweep({**kept, "limit": bounds, "reduce": sorted({str(bound["of"]) for bound in bounds}), "axis": [axis]})
+    except LinkdynError:    # a bound on what only its own axes bring
+        return None
+
+
+def _place(run: xr.Dataset, sample: int) -> str:
+    if "time" not in run.coords:
+        return f"sample {sample}"
+    words = f"{float(run.time[sample]):.6g} s"
+    crank = turning_coordinate(run)
+    if crank is None:
+        return words
+    return f"{words}, {crank} {np.degrees(float(run.q[sample, 0])):.4g}°".replace("-", "−")
+
+
+# ---------------------------------------------------------------- tables
+
+def _drives(run: xr.Dataset, scene: Scene | None) -> list[Table]:
+    """One table for drives that push, one for those that turn."""
+    if "driving_force" not in run:
+        return []
+    units = [str(unit) for unit in run.actuator_unit.values]
+    return [_drive_table(run, scene, [k for k, other in enumerate(units) if other == unit], unit) for unit in dict.fromkeys(units)]
+
+
+def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: str) -> Table:
+    weights = shares(run)
+    columns: list[tuple[str, list[Cell]]] = []
+
+    def add(heads: list[str], values: list[Values], unit: str) -> None:
+        factor, word = readable(unit, max(float(np.nanmax(np.abs(value), initial=0.0)) for value in values))
+        columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
+
+    force = run.driving_force.values[:, chosen]
+    (high, high_at), (low, low_at) = _peak(force, 1), _peak(force, -1)
+    words = ("highest\ntorque", "lowest\ntorque") if unit == "N m" else ("highest\nforce", "lowest\nforce")
+    add([words[0]], [high], unit)
+    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in high_at]))
+    add([words[1]], [low], unit)
+    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in low_at]))
+    add(["rms"], [np.atleast_1d(rms(force, weights))], unit)
+    length = "rad" if unit == "N m" else "m"
+    if scene is not None and "joint_variable" in run:
+        path = np.stack([_path(run, scene, str(run.actuator.values[k])) for k in chosen], axis=1)
+        add(["position\nfrom", "to"], [_peak(path, -1)[0], _peak(path, 1)[0]], length)
+    if "driving_speed" in run:
+        speed = run.driving_speed.values[:, chosen]
+        add(["peak\nspeed", "rms\nspeed"], [_peak(np.abs(speed), 1)[0], np.atleast_1d(rms(speed, weights))], f"{length}/s")
+    if "driving_power" in run:
+        power = run.driving_power.values[:, chosen]
+        add(["power\nin", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
+        if "time" in run.coords and run.sizes["sample"] > 1 and good_samples(run).all():
+            found = energy(run).isel(drive=chosen)
+            mean = found.mean_power.values
+            add(["mean\npower"], [np.where(np.abs(mean) < ROUNDING * np.abs(power).max(axis=0), 0.0, mean)], "W")
+            add(["energy\nin", "energy\nback"], [found.energy_in.values, found.energy_back.values], "J")
+    rows = [[Cell(str(run.actuator.values[k])), *(cells[i] for _, cells in columns)] for i, k in enumerate(chosen)]
+    words_at = tuple(1 + i for i, (head, _) in enumerate(columns) if head == "at")
+    return Table("Drives", ["drive", *(head for head, _ in columns)], rows, wide=(0, *words_at))
+
+
+def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
+    """What the motors behind gears and screws have to give."""
+    if "motor_torque" not in run:
+        return None
+    weights = shares(run)
+    columns: list[tuple[str, list[Cell]]] = []
+
+    def add(heads: list[str], values: list[Values], unit: str) -> None:
+        factor, word = readable(unit, max(float(np.nanmax(np.abs(value), initial=0.0)) for value in values))
+        columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
+
+    torque, speed, power = (run[name].values for name in ("motor_torque", "motor_speed", "motor_power"))
+    peak, at = _peak(np.abs(torque), 1)
+    add(["peak\ntorque"], [peak], "N m")
+    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in at]))
+    add(["rms\ntorque"], [np.atleast_1d(rms(torque, weights))], "N m")
+    add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0] * 30 / np.pi], "rpm")  # as data sheets have it
+    add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
+    if "motor_current" in run:
+        current = run.motor_current.values
+        add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(current), 1)[0], np.atleast_1d(rms(current, weights))], "A")
+    if "torque_margin" in run:
+        add(["least\nmargin"], [np.nanmin(run.torque_margin.values, axis=0, initial=np.inf)], "N m")
+    names = [str(name) for name in run.motor.values]
+    if scene is not None:
+        locks = {motor["name"] for motor in scene.description["motors"] if motor["back_efficiency"] <= 0}
+        columns.append(("self-\nlocking", [Cell("yes" if name in locks else "no") for name in names]))
+    rows = [[Cell(name), *(cells[i] for _, cells in columns)] for i, name in enumerate(names)]
+    words_at = tuple(1 + i for i, (head, _) in enumerate(columns) if head == "at")
+    return Table("Motors", ["motor of", *(head for head, _ in columns)], rows, wide=(0, *words_at))
+
+
+def _path(run: xr.Dataset, scene: Scene, actuator: str) -> Values:
+    """Joint variable that an actuator drives."""
+    names = list(map(str, run["variable"].values))
+    found = variable_of(scene, actuator)
+    place = names.index(f"{found[0]['name']}.{found[1]}") if found else 0
+    values: Values = run.joint_variable.values[:, place]
+    return values
+
+
+def _joints(run: xr.Dataset) -> Table | None:
+    """A row for each joint: largest force and moment, when, and the components there."""
+    if "reaction" not in run:
+        return None
+    components = [str(name) for name in run.component.values]
+    parts = [[i for i, name in enumerate(components) if name.startswith(letter)] for letter in "FM"]
+    values = run.reaction.values
+    sizes = [np.linalg.norm(values[..., part], axis=-1) for part in parts]
+    bears = borne(*(np.nan_to_num(_peak(size, 1)[0]) for size in sizes))
+    columns: list[tuple[str, list[Cell]]] = []
+    for word, unit, part, size, acts in zip(("force", "moment"), ("N", "N m"), parts, sizes, bears):
+        peak, at = _peak(size, 1)
+        if not acts.any():
+            continue
+        factor, name = readable(unit, float(np.nanmax(peak)))
+        columns.append((f"peak\n{word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(peak, acts)]))
+        columns.append(("at", [Cell(_place(run, k)) if there else Cell(NONE) for k, there in zip(at, acts)]))
+        for i in part if len(part) > 1 else []:
+            parts_there = np.array([values[k, joint, i] if there else np.nan for joint, (k, there) in enumerate(zip(at, acts))])
+            parts_there[np.abs(parts_there) < ROUNDING * peak] = 0.0
+            columns.append((f"{components[i]} there\n[{name}]", [cell_of(x, factor) for x in parts_there]))
+        mean = np.atleast_1d(rms(size, shares(run)))
+        columns.append((f"rms {word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(mean, acts)]))
+    if not columns:
+        return None
+    rows = [[Cell(str(name)), *(cells[k] for _, cells in columns)] for k, name in enumerate(run.joint.values)]
+    return Table("Bearings and guides", ["joint", *(head for head, _ in columns)], rows,
+                 wide=(0, *(1 + i for i, (head, _) in enumerate(columns) if head == "at")))
+
+
+def _transmission(run: xr.Dataset) -> Table | None:
+    if "transmission_angle" not in run or not run.sizes.get("dyad"):
+        return None
+    angle = run.transmission_angle.values
+    acute = np.minimum(angle, np.pi - angle)
+    worst, at = _peak(-acute, 1)
+    rows = [
+        [Cell(str(name)), cell_of(-value, 180 / np.pi, alarm=-value < LOWEST_TRANSMISSION), Cell(_place(run, k) if k >= 0 else NONE)]
+        for name, value, k in zip(run.dyad.values, worst, at)
+        if not -value > np.pi / 2 - 1e-6      # a guide that stands square, as a cylinder's always does
+    ]
+    if not rows:
+        return None
+    return Table("Transmission angles", ["dyad", "smallest\n[deg]", "at"], rows, "Red below 40 deg.", wide=(0, 2))
+
+
+def _shaking(run: xr.Dataset, scene: Scene | None) -> Table | None:
+    """On the frame, moment about the origin; without the constant weight."""
+    if scene is None or run.sizes["sample"] < 2:
+        return None
+    from .._cycle.shaking import shaking
+
+    try:
+        found = shaking(run, scene).sel(cause="inertia")
+    except LinkdynError:    # coordinates that do not tell the links' motion
+        return None
+    rows = []
+    for words, values, unit in (("force", found.force_by_cause, "N"), ("moment about the origin", found.moment_by_cause, "N m")):
+        size = np.linalg.norm(values.values, axis=-1)[:, np.newaxis]
+        if not np.nan_to_num(size).any():
+            continue
+        peak, at = _peak(size, 1)
+        factor, name = readable(unit, float(peak[0]))
+        rows.append([Cell(words), cell_of(peak[0], factor), Cell(name), Cell(_place(run, int(at[0]))),
+                     cell_of(float(rms(size[:, 0], shares(run))), factor)])
+    return Table("Shaking of the frame by inertia", ["", "peak", "unit", "at", "rms"], rows, wide=(0, 2, 3)) if rows else None
+
+
+def _peak(values: Values, sign: int) -> tuple[Values, NDArray[np.intp]]:
+    """Of each column the largest (lowest for a sign of -1) value and its sample; NaN and -1 where there is none."""
+    ranked = np.where(np.isfinite(values), sign * values, -np.inf)
+    at = ranked.argmax(axis=0)
+    columns = np.arange(values.shape[1])
+    there = np.isfinite(ranked[at, columns])
+    return np.where(there, values[at, columns], np.nan), np.where(there, at, -1)
+
+
+def _only(values: Values, sign: int) -> Values:
+    return np.where(sign * values > 0, values, np.nan)
+
+
+# ---------------------------------------------------------------- pictures
+
+def _pictures(run: xr.Dataset, scene: Scene | None) -> list[Picture]:
+    from .. import plot
+
+    crank = turning_coordinate(run)
+    pictures = []
+    drawing = machine_picture(run, scene)
+    if drawing is not None:
+        drawing.figure.axes[0].set_title("")
+        pictures.append(drawing)
+    if run.sizes["sample"] < 2 or not good_samples(run).any():
+        return pictures
+    over = f" over the angle of {crank}" if crank else ""
+    if "driving_force" in run and run.sizes["actuator"]:
+        figure, axes = plot.driving_forces(run, crank)
+        figure.set_size_inches(8.0, max(4.4, 2.6 * len(axes)))
+        pictures.append(_bare(f"Driving forces{over}", figure))
+    if "reaction" in run:
+        pictures.append(_bare(f"Joint forces and moments{over}", plot.reactions(run, crank)[0], wide=True))
+        pictures += [_bare(f"Hodographs of the largest joint forces, in the {pair} plane", plot.hodograph(run, names, pair)[0], wide=True)
+                     for pair, names in _largest(run)]
+    return pictures
+
+
+def _bare(caption: str, figure: Any, wide: bool = False) -> Picture:
+    """Without the machine's name, which stands above."""
+    figure.suptitle("")
+    return Picture(caption, figure, wide=wide)
+
+
+def _largest(run: xr.Dataset) -> list[tuple[str, list[str]]]:
+    """Joints with the largest forces, and the plane to draw them in: that in which most of it lies."""
+    forces = [str(name) for name in run.component.values if str(name).startswith("F")]
+    values = np.nan_to_num(run.reaction.sel(component=forces).values)
+    sizes = np.linalg.norm(values, axis=-1).max(axis=0)
+    order = [k for k in np.argsort(-sizes, kind="stable")[:MOST_HODOGRAPHS] if sizes[k] > 0]
+    if not order:
+        return []
+    pairs = ["xy"] if len(forces) == 2 else ["xy", "xz", "yz"]
+    pair = max(pairs, key=lambda p: sum(float((values[:, order, "xyz".index(x)] ** 2).sum()) for x in p))
+    return [(pair, [str(run.joint.values[k]) for k in sorted(order)])]
