@@ -248,6 +248,8 @@ contains
             case (joint_cylindrical)
                 call add(joint_cylindrical, joint_groove, none, xy)
                 call add(joint_cylindrical, joint_loose, xy, xy)
+            case (joint_universal)
+                call add(joint_universal, joint_spherical, none, reshape(z, [3, 1]))    ! the one moment, across both axes
             case (joint_spherical)
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_spherical, joint_plate, xy, none)
@@ -472,6 +474,12 @@ contains
         action = 0
         if (is_geared(move%needs)) then
             action(1, :) = pose%stress(pose%first(move%i), :)
+            return
+        end if
+        if (move%needs == joint_universal) then        ! its one moment is along no axis of either link
+            do n = pose%first(move%i), pose%first(move%i + 1) - 1
+                if (pose%rows%sort(n) == of_moment) action(1, :) = action(1, :) + pose%stress(n, :)
+            end do
             return
         end if
         frame = joint_frame(pose%loop, move%i, max(move%side, 1))
