@@ -311,7 +311,7 @@ contains
 
         call begin()
         if (.not. kernels%has_sliding) then
-            call make_sliding_program(model, kernels%sliding%program)
+            call make_sliding_program(model, kernels%choice, kernels%sliding%program)
             call prepare_lanes(model, .false., kernels%sliding)
             kernels%has_sliding = .true.
         end if

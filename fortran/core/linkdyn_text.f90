@@ -111,7 +111,7 @@ contains
         line = buffer(:length)
     end function printable
 
-    !> Bytes of the character at the start of a text; 0: it is a control character, or no UTF-8.
+    !> Bytes of the character at the start of a text; 0: it is a control character, or turns or hides others, or is no UTF-8.
     pure integer function character_length(text) result(n)
         character(len=*), intent(in) :: text
         integer :: first, k
@@ -130,7 +130,25 @@ contains
             if (n == 0) return
         end do
         if (n == 2 .and. first == 194 .and. iachar(text(2:2)) < 160) n = 0    ! the second set of control characters
+        if (n == 3) then
+            if (directs(text(:3))) n = 0
+        end if
     end function character_length
+
+    !> Is a character of three bytes one that nobody sees: it turns the direction of what follows, has no width, or ends a line?
+    pure logical function directs(character)
+        character(len=3), intent(in) :: character
+
+        select case (character(:2))
+        case (achar(226)//achar(128))                  ! U+200B to U+200F, U+2028 to U+202E
+            directs = (character(3:) >= achar(139) .and. character(3:) <= achar(143)) &
+                      .or. (character(3:) >= achar(168) .and. character(3:) <= achar(174))
+        case (achar(226)//achar(129))                  ! U+2060 to U+206F
+            directs = character(3:) >= achar(160) .and. character(3:) <= achar(175)
+        case default
+            directs = character == achar(239)//achar(187)//achar(191)    ! U+FEFF
+        end select
+    end function directs
 
     !> The same in small letters, of those of ASCII.
     pure function lower_case(text) result(lower)

@@ -235,8 +235,9 @@ contains
     end subroutine list_answers
 
     !> How fast the surfaces of contacts slide, and whether springs have a direction: what is asked before anything acts.
-    subroutine make_sliding_program(model, program)
+    subroutine make_sliding_program(model, choice, program)
         type(model_type), intent(in) :: model
+        type(equation_choice), intent(in) :: choice         !! of the equations that ask: which numbers vary
         type(scene_program), intent(inout) :: program
         type(record_type), target :: record
         type(traced_type) :: traced
@@ -245,6 +246,7 @@ contains
         integer :: i
 
         request%motion_is_given = .true.
+        if (allocated(choice%varying)) request%varying = choice%varying
         call open_record(record, 0)
         call trace_given_motion(model, request, sample_set(), traced)
         call move_contacts(traced%mechanism, traced%in%of(in_sense)%v, traced%contact)

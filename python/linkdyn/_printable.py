@@ -4,6 +4,8 @@ from __future__ import annotations
 
 __all__ = ["printable"]
 
+_UNSEEN = {chr(code) for first, last in ((0x200B, 0x200F), (0x2028, 0x202E), (0x2060, 0x206F), (0xFEFF, 0xFEFF)) for code in range(first, last + 1)}
+
 
 def printable(text: str, has_lines: bool = False) -> str:
     """A text as a terminal may have it: control characters, which could move its cursor or rename its window, and bytes that are no UTF-8 become
@@ -12,8 +14,9 @@ def printable(text: str, has_lines: bool = False) -> str:
 
 
 def _commands(letter: str) -> bool:
-    """Both sets of control characters, and halves of characters, which stand for bytes of file names."""
-    return letter < " " or "\x7f" <= letter <= "\x9f" or "\ud800" <= letter <= "\udfff"
+    """Both sets of control characters, what nobody sees (it turns the direction of what follows, has no width, or ends a line), and halves of characters,
+    which stand for bytes of file names."""
+    return letter < " " or "\x7f" <= letter <= "\x9f" or "\ud800" <= letter <= "\udfff" or letter in _UNSEEN
 
 
 def _visible(letter: str) -> str:

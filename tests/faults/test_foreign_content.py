@@ -18,8 +18,8 @@ EVIL = "\x1b]0;owned\x07\x1b[31m\x08\x7f\u0085\u009b31m\r"
 
 
 def commands(text: str) -> set[str]:
-    """Control characters in a text but line ends."""
-    return {character for character in text if unicodedata.category(character) == "Cc" and character != "\n"}
+    """Characters in a text that control, turn or hide others, but line ends."""
+    return {character for character in text if unicodedata.category(character) in {"Cc", "Cf", "Zl", "Zp"} and character != "\n"}
 
 
 def executed(*arguments: object, cwd: Path) -> subprocess.CompletedProcess:
@@ -44,6 +44,12 @@ def with_name_of_the_second_set(scene: dict) -> dict:
     return scene
 
 
+def with_name_that_turns(scene: dict) -> dict:
+    """Right to left, without width, a line of its own, a mark at the beginning: what is read is not what is written."""
+    scene["link"][0]["name"] = "plat\u202eform\u200b \u2028 \u2066x\ufeff"
+    return scene
+
+
 def with_word(scene: dict) -> dict:
     return scene | {"space": EVIL}
 
@@ -63,7 +69,7 @@ def with_table(scene: dict) -> dict:
     return scene
 
 
-SCENES = [with_title, with_key, with_name, with_name_of_the_second_set, with_word, with_unit, with_reference, with_table]
+SCENES = [with_title, with_key, with_name, with_name_of_the_second_set, with_name_that_turns, with_word, with_unit, with_reference, with_table]
 
 
 @pytest.mark.parametrize("change", SCENES)
