@@ -1,6 +1,6 @@
 !> Where welded links are at the start: of links that are one body, one start says it for all.
 module linkdyn_weld_starts
-    use linkdyn_constraint_rows, only: rotation_by
+    use linkdyn_angles, only: matrix_of_angles
     use linkdyn_joint_table, only: joint_fixed
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -42,7 +42,7 @@ contains
 
         associate (joint => model%joint(j), link => model%scene%link)
             associate (start => link(joint%link(from))%start, new => link(joint%link(3 - from))%start)
-                known = rotation_by(start(4:))
+                known = matrix_of_angles(start(4:))
                 r = matmul(matmul(known, joint%frame(:, :, from)), transpose(joint%frame(:, :, 3 - from)))
                 new(:3) = start(:3) + matmul(known, joint%point(:, from)) - matmul(r, joint%point(:, 3 - from))
                 new(4:) = [atan2(-r(2, 3), r(3, 3)), atan2(r(1, 3), norm2(r(2:, 3))), atan2(-r(1, 2), r(1, 1))]

@@ -389,6 +389,7 @@ contains
         logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions; absent: nobody asks
         type(left_places) :: stand                              ! there, if these are to share reactions
         integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
+        integer, allocatable :: told(:)                         ! all results that are wanted: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense, i
         real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
@@ -515,6 +516,7 @@ contains
             stand = nobody
             if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
                                   stand%status(n_left))
+            told = wanted_ids(results)
             wanted = forces_beside(results)
             if (shares .and. results%wants(result_reaction) .and. size(model%arm) > 0) then
                 wanted = [wanted, result_joint_push]
@@ -642,9 +644,7 @@ contains
                 call want_of(workspace, wanted)
                 call solve_block(model, solver%equations, workspace)
                 if (any(workspace%is_doubtful)) call look_again(block, space)
-                if (results%wants(result_reaction)) &
-                    space%reaction = reshape(found_of(workspace, result_reaction, size(space%reaction)/lanes), &
-                                             shape(space%reaction))
+                call take_reactions(workspace, space%reaction)
                 if (allocated(solver%probe)) then
                     call estimate_errors(solver%probe, workspace, space%reaction, results%wants(result_reaction), space%probe)
                     workspace%error = space%probe%worst
@@ -661,6 +661,15 @@ contains
             end associate
             call scatter(block, space)
         end subroutine run_block
+
+        !> For estimates and samples alike, if they are wanted.
+        subroutine take_reactions(workspace, reaction)
+            type(equation_workspace), intent(in) :: workspace
+            real(wp), intent(inout) :: reaction(:, :, :)    !! (lane, n_component, n_joint)
+
+            if (results%wants(result_reaction)) &
+                reaction = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
+        end subroutine take_reactions
 
         !> Lanes that are doubtful are taken where their forces hardly scatter.
         subroutine look_again(block, space)
@@ -681,9 +690,7 @@ contains
                 workspace%fell_back = .false.
                 call solve_block(model, solver%equations, workspace)
                 workspace%checks_accuracy = .true.
-                if (results%wants(result_reaction)) &
-                    space%reaction = reshape(found_of(workspace, result_reaction, size(space%reaction)/lanes), &
-                                             shape(space%reaction))
+                call take_reactions(workspace, space%reaction)
                 call estimate_errors(solver%look%probe, workspace, space%reaction, results%wants(result_reaction), doubt)
                 where (.not. (is_doubtful .and. doubt%worst <= surely_certain)) workspace%status = flagged
             end associate
@@ -727,20 +734,18 @@ contains
             integer, intent(in) :: block
             type(thread_space), intent(inout) :: space
             real(wp) :: total(lanes)
-            integer, allocatable :: id(:)
             integer :: first, n_here, i, outcome(lanes)
 
             first = (block - 1)*lanes
             n_here = min(lanes, n_left - first)
-            id = wanted_ids(results)
             total = 0
-            do i = 1, size(id)
-                associate (width => size(results%of(id(i))%x, 1))
+            do i = 1, size(told)
+                associate (id => told(i), width => size(results%of(told(i))%x, 1))
                     if (size(space%values, 2) < width) call widen(space, width)
                     associate (values => space%values(:, :width))
-                        call find_values(id(i), space%workspace, space%measures, space%reaction, space%probe, values)
-                        if (.not. may_be_infinite(id(i))) total = total + sum(abs(values), dim=2)
-                        call put_lanes(first, n_here, values, results%of(id(i))%x)
+                        call find_values(id, space%workspace, space%measures, space%reaction, space%probe, values)
+                        if (.not. may_be_infinite(id)) total = total + sum(abs(values), dim=2)
+                        call put_lanes(first, n_here, values, results%of(id)%x)
                     end associate
                 end associate
             end do

@@ -37,7 +37,7 @@ contains
         allocate (measures%variable(lanes, model%n_variable), measures%rate(lanes, model%n_variable), source=0.0_wp)
     end subroutine prepare_measures
 
-    !> Measure what the results want. The state is put to rest about payloads, where energies are.
+    !> Measure what the results want. Where energies are wanted the state learns the masses of payloads.
     subroutine measure_block(model, results, state, measures)
         type(model_type), intent(in) :: model
         type(inverse_results), intent(in) :: results

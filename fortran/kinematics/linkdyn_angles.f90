@@ -4,6 +4,7 @@
 !> Where pitch is a right angle, at the pole, roll and yaw turn about one line: angles still tell the attitude, but their rates not
 !> every angular velocity, and near there they are large and take digits away. Whoever knows an attitude otherwise then goes by it.
 module linkdyn_angles
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -150,11 +151,4 @@ contains
         alpha = rate(1)*rate(2)*cross(axis(:, 1), axis(:, 2)) &
                 + rate(3)*cross(rate(1)*axis(:, 1) + rate(2)*axis(:, 2), axis(:, 3))
     end function carried
-
-    pure function cross(a, b) result(c)
-        real(wp), intent(in) :: a(3), b(3)
-        real(wp) :: c(3)
-
-        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-    end function cross
 end module linkdyn_angles

@@ -9,6 +9,7 @@
 !> damping, N. Yamashita, M. Fukushima, Computing Suppl. 15 (2001) 239: with lambda = |residual|^2 the convergence stays
 !> quadratic where the rows are dependent.
 module linkdyn_constraint_rows
+    use linkdyn_angles, only: matrix_of_angles
     use linkdyn_cross, only: cross
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, along_axes, along_x_and_y, &
@@ -20,7 +21,7 @@ module linkdyn_constraint_rows
     implicit none (type, external)
     private
     public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, close_near_start, list_rows, joint_frame
-    public :: joint_point, any_turned_over, rotation_by
+    public :: joint_point, any_turned_over
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
@@ -142,7 +143,7 @@ contains
                 aside = off*[spread_out(2*b), spread_out(2*b + 1)]
                 if (model%is_planar) aside(3:5) = 0
                 loop%position(:, b) = spec%start(:3)/loop%size + aside(:3)
-                loop%rotation(:, :, b) = matmul(turn_by(aside(4:)), rotation_by(spec%start(4:)))
+                loop%rotation(:, :, b) = matmul(turn_by(aside(4:)), matrix_of_angles(spec%start(4:)))
                 is_placed(b) = .true.
             end associate
         end do
@@ -246,31 +247,6 @@ contains
 
         r = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
     end function unit_matrix
-
-    !> Rx(roll) Ry(pitch) Rz(yaw)
-    pure function rotation_by(angles) result(r)
-        real(wp), intent(in) :: angles(3)
-        real(wp) :: r(3, 3)
-
-        r = matmul(matmul(about(1), about(2)), about(3))
-
-    contains
-
-        pure function about(axis) result(turn)
-            integer, intent(in) :: axis
-            real(wp) :: turn(3, 3)
-            integer :: a, b
-
-            a = mod(axis, 3) + 1
-            b = mod(a, 3) + 1
-            turn = 0
-            turn(axis, axis) = 1
-            turn(a, a) = cos(angles(axis))
-            turn(b, b) = turn(a, a)
-            turn(b, a) = sin(angles(axis))
-            turn(a, b) = -turn(b, a)
-        end function about
-    end function rotation_by
 
     !> The rotation by a rotation vector (Rodrigues).
     pure function turn_by(v) result(r)

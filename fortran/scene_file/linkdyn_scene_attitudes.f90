@@ -2,6 +2,7 @@
 module linkdyn_scene_attitudes
     use linkdyn_angles, only: angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix
     use linkdyn_constants, only: two_pi
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: law_spec
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, get_vector, vector_of
@@ -80,8 +81,7 @@ contains
         if (maxval(abs(turned)) > off) then
             call refuse_value(place, "rotation", node, "is no rotation: its rows are not unit vectors square to each other, by "// &
                 to_text(maxval(abs(turned))), status)
-        else if (dot_product(r(1, :), [r(2, 2)*r(3, 3) - r(2, 3)*r(3, 2), r(2, 3)*r(3, 1) - r(2, 1)*r(3, 3), &
-                                       r(2, 1)*r(3, 2) - r(2, 2)*r(3, 1)]) < 0) then
+        else if (dot_product(r(1, :), cross(r(2, :), r(3, :))) < 0) then
             call refuse_value(place, "rotation", node, "mirrors (expected a rotation, whose determinant is 1)", status)
         end if
     end subroutine read_matrix
