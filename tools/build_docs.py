@@ -67,8 +67,9 @@ def lay_out(source: Path) -> None:
             shutil.copy2(ROOT / part, source / part)
 
 
-def quieten_kernels(folder: Path) -> None:
-    """What runs the tutorials' cells says at every start that it opens a port; of kernels on the same machine, that is noise."""
+def set_up_kernels(folder: Path) -> None:
+    """What runs the tutorials' cells shows their figures, whatever backend `make` exports; that it opens a port is noise."""
+    os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     profile = folder / "profile_default"
     profile.mkdir(parents=True, exist_ok=True)
     (profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n", encoding="utf-8")
@@ -86,7 +87,7 @@ def main(folder: str) -> None:
     source, site = build / "source", build / "html"
     lay_out(source)
     write_gallery(ROOT / "examples", source, site / "views")
-    quieten_kernels(build / "ipython")
+    set_up_kernels(build / "ipython")
     python = [sys.executable, "-m"]
     run(*python, "sphinx", "--fail-on-warning", "--keep-going", "--quiet", "-c", ROOT / "docs" / "site", "-d", build / "doctrees", source, site)
     run(*python, "ford", "--quiet", "--output_dir", site / "fortran", ROOT / "ford.md")

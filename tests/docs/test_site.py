@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
-from build_docs import dead_links, lay_out  # noqa: E402
+from build_docs import dead_links, lay_out, set_up_kernels  # noqa: E402
 from docs_gallery import examples, write_gallery  # noqa: E402
 
 PAGES = sorted([*(page for page in ROOT.glob("*.md") if page.stem != "ford"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*/README.md"), *ROOT.glob("benchmarks/*.md")])
@@ -31,6 +32,21 @@ def test_anchors_are_their_own():
     for page, anchors in pages.items():
         for other, others in pages.items():
             assert page >= other or not anchors & others, (page.name, other.name)
+
+
+def test_anchors_start_a_paragraph():
+    """The site takes an anchor for a target only where a line begins with it."""
+    for page in ROOT.glob("docs/**/*.md"):
+        assert not re.search(r"[^\n]<a id=", page.read_text(encoding="utf-8")), page.name
+
+
+def test_kernels_show_figures(tmp_path, monkeypatch):
+    """With the backend that `make` exports, figures of the tutorials were drawn and not shown."""
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setenv("IPYTHONDIR", "")
+    set_up_kernels(tmp_path)
+    backend = subprocess.run([sys.executable, "-c", "import matplotlib; print(matplotlib.get_backend())"], capture_output=True, text=True, check=True)
+    assert "inline" in backend.stdout
 
 
 def test_every_example_is_in_the_gallery():
