@@ -69,6 +69,7 @@ module linkdyn_elimination
         real(wp), allocatable :: scale(:)              !! (row) one over its largest number
         logical, allocatable :: is_active(:)           !! (sample) is it looked at?
         logical, allocatable :: is_open(:)             !! (column) not solved for yet
+        logical, allocatable :: is_next(:)             !! (column) open, and none stands before it: a pivot is looked for here
         type(candidate), allocatable :: best(:)        !! (column)
         logical, allocatable :: is_stale(:)            !! (column) the best must be looked for again
         integer :: n_sample = 0
@@ -95,9 +96,11 @@ contains
         elimination%determinant = one()
         is_used = .false.
         do n_step = 1, size(step)
+            work%is_next = work%is_open .and. .not. is_last
+            if (.not. any(work%is_next)) work%is_next = work%is_open
             n_turned = 0
             do
-                call choose_pivot(work, is_last, u, pivot)
+                call choose_pivot(work, u, pivot)
                 if (u > 0) exit
                 found = .false.
                 ! What no pair of rows makes better, two far too different in size, would be turned for ever.
@@ -180,19 +183,16 @@ contains
 
     ! ---------------------------------------------------------------- choosing
 
-    !> The open column and its row that cost least; those wanted last only if there are no others.
-    subroutine choose_pivot(work, is_last, chosen, pivot)
+    !> The column and its row that cost least.
+    subroutine choose_pivot(work, chosen, pivot)
         type(work_type), intent(inout) :: work
-        logical, intent(in) :: is_last(:)
         integer, intent(out) :: chosen                 !! 0: no column has an acceptable pivot
         type(candidate), intent(out) :: pivot
         integer :: u
-        logical :: only_last
 
         chosen = 0
-        only_last = .not. any(work%is_open .and. .not. is_last)
         do u = 1, size(work%column)
-            if (.not. work%is_open(u) .or. (is_last(u) .and. .not. only_last)) cycle
+            if (.not. work%is_next(u)) cycle
             if (work%is_stale(u)) then
                 call find_best(work, u)
                 work%is_stale(u) = .false.
@@ -292,7 +292,7 @@ contains
         end do
     end function cost_of_target
 
-    !> No column has a pivot that is large enough everywhere: two rows into each other. With a and b in a column,
+    !> None of the next columns has a pivot that is large enough everywhere: two rows into each other. With a and b in a column,
     !> a row1 + b row2 has a a + b b there, and a row2 - b row1 nothing.
     subroutine turn_rows(work, found)
         type(work_type), intent(inout) :: work
@@ -306,7 +306,7 @@ contains
         best_quality = 0
         best = 0
         do u = 1, size(work%column)
-            if (.not. work%is_open(u)) cycle
+            if (.not. work%is_next(u)) cycle
             associate (c => work%column(u))
                 do x = 1, c%n
                     do y = x + 1, c%n
@@ -399,7 +399,7 @@ contains
         if (.not. found) return
         best = 0
         do u = 1, size(work%column)
-            if (.not. work%is_open(u)) cycle
+            if (.not. work%is_next(u)) cycle
             m = 0
             do k = 1, work%column(u)%n
                 i = work%column(u)%item(k)

@@ -18,6 +18,18 @@ def test_same_forces(case) -> None:
     assert bench.largest_difference(planar, spatial, 201) <= 64 * len(planar.links) * np.finfo(float).eps
 
 
+@pytest.mark.parametrize("n", [6, 10, 16])
+def test_a_long_arm_keeps_its_road_with_driving_forces_alone(n: int) -> None:
+    """Rows were turned into each other for reactions nobody wants, while those to be solved for first found no pivot: all samples fell to
+    the dense solver from eight links on."""
+    spatial = linkdyn.Scene(bench.as_spatial(*bench.arm(n)))
+    motion = dict(zip(("q", "qd", "qdd"), spatial.motion(np.linspace(0, 2, 501)), strict=True))
+    alone, beside = (spatial.inverse(**motion, want=want) for want in ("driving_force", ["driving_force", "reaction"]))
+    assert alone.attrs["samples_dense"] <= 5    # pivots that nearly vanish between the poses that they were chosen at
+    size = np.abs(beside.driving_force.values).max()
+    assert np.abs(alone.driving_force.values - beside.driving_force.values).max() <= 64 * n * np.finfo(float).eps * size
+
+
 def test_links_that_turn_all_the_way_round_have_pivots() -> None:
     """The spatial slider-crank: no entry of the cylindrical joint's columns stays away from zero over a turn."""
     scene, kinds = bench.slider_crank()
