@@ -11,7 +11,7 @@
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_closed_forms, only: flag_closed_forms
-    use linkdyn_catalogue, only: result_driving_force, result_qdd
+    use linkdyn_catalogue, only: result_driving_force, result_qdd, result_reaction, result_joint_push
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
@@ -24,14 +24,15 @@ module linkdyn_equations
     use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, pressing_forces
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
-    use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown
+    use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, is_dyad, drives_share
+    use linkdyn_model, only: model_type, is_dyad, drives_share, friction_is_shared
     use linkdyn_motion_measures, only: released_fit
+    use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: to_text
@@ -185,6 +186,7 @@ contains
         equations%needs_columns = has_columns(model, choice)
         equations%answer = [result_driving_force, out_transmitted, result_qdd]
         if (size(model%contact) > 0) equations%answer = [equations%answer, out_press]
+        if (friction_is_shared(model)) equations%answer = [equations%answer, result_reaction, result_joint_push]
         call make_kernels(choice, equations%wants_reactions, solver == solver_gauss_jordan_plain, equations%kernels)
     end subroutine build_equations
 
@@ -398,12 +400,12 @@ contains
                           workspace%driving_force)
         workspace%numbers%of(in_effort)%x = workspace%driving_force
         workspace%numbers%of(in_friction)%x = workspace%friction%amount(:, :size(model%contact))
-        if (equations%solver == solver_elimination) then
-            call solve_by_kernel(model, equations, workspace)
-        else
-            workspace%is_left = .true.
+        workspace%numbers%of(in_shared)%x = 0
+        call solve_once(model, equations, workspace)
+        if (friction_is_shared(model)) then
+            call share_on_lanes(model, workspace)
+            call solve_once(model, equations, workspace)   ! what presses, with what joints share
         end if
-        if (any(workspace%is_left)) call solve_with_pivots(model, equations, workspace)
         workspace%driving_force = found_of(workspace, result_driving_force, model%n_actuator)
         workspace%transmitted = found_of(workspace, out_transmitted, model%n_actuator)
         workspace%acceleration = found_of(workspace, result_qdd, model%n_q)
@@ -412,6 +414,56 @@ contains
             workspace%friction%press(:, :, :n) = reshape(found_of(workspace, out_press, n_press*n), [lanes, n_press, n])
         end associate
     end subroutine solve_forces
+
+    !> The equations with the numbers that are there.
+    subroutine solve_once(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+
+        if (equations%solver == solver_elimination) then
+            call solve_by_kernel(model, equations, workspace)
+        else
+            workspace%is_left = .true.
+        end if
+        if (any(workspace%is_left)) call solve_with_pivots(model, equations, workspace)
+    end subroutine solve_once
+
+    !> What joints share of reactions that the equations leave open, as friction feels it.
+    subroutine share_on_lanes(model, workspace)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: position(3, model%n_link, lanes), rotation(3, 3, model%n_link, lanes)
+        real(wp), dimension(model%n_component, model%n_joint, lanes) :: reaction, before, push
+        real(wp), dimension(lanes, model%n_component*model%n_joint) :: of_joints, at_joints
+        integer, allocatable :: column(:)
+        integer :: lane, l, j
+
+        of_joints = found_of(workspace, result_reaction, size(of_joints, 2))
+        at_joints = found_of(workspace, result_joint_push, size(of_joints, 2))
+        column = [1, 2, 3, 4, 5, 6]
+        if (model%is_planar) column = [1, 2, 6]
+        associate (n => workspace%n_used)
+            do lane = 1, n
+                reaction(:, :, lane) = reshape(of_joints(lane, :), shape(reaction(:, :, 1)))
+                push(:, :, lane) = reshape(at_joints(lane, :), shape(push(:, :, 1)))
+                do l = 1, model%n_link
+                    position(:, l, lane) = link_position(model, workspace%state, l, lane)
+                    rotation(:, :, l, lane) = link_rotation(model, workspace%state, l, lane)
+                end do
+            end do
+            before(:, :, :n) = reaction(:, :, :n)
+            call share_reactions(model, 1, position(:, :, :n), rotation(:, :, :, :n), workspace%status(:n), [(l, l=1, n)], &
+                                 reaction(:, :, :n), push(:, :, :n))
+            associate (shared => workspace%numbers%of(in_shared)%x)
+                do lane = 1, lanes
+                    do j = 1, model%n_joint
+                        shared(lane, 6*(j - 1) + column) = reaction(:, j, min(lane, n)) - before(:, j, min(lane, n))
+                    end do
+                end do
+            end associate
+        end associate
+    end subroutine share_on_lanes
 
     !> Values of a result of the block that is solved: one of those wanted.
     function found_of(workspace, id, n) result(values)

@@ -4,14 +4,14 @@ module linkdyn_given_numbers
     use linkdyn_base_motion, only: n_base, evaluate_base
     use linkdyn_constants, only: two_pi
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_pull, in_base, in_payload, in_friction, in_counted, in_effort, &
-        in_target, in_stop, in_clutch, in_sense, in_unknown, in_number
+        in_target, in_stop, in_clutch, in_sense, in_unknown, in_number, in_shared
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, gives_attitude, attitude_angles, pull_power
+    use linkdyn_model, only: model_type, gives_attitude, attitude_angles, pull_power, friction_is_shared
     use linkdyn_numbers, only: numbers_of
     use linkdyn_payload_measures, only: find_payloads
     use linkdyn_scene, only: law_spec, law_over, coordinate_joint, n_stop, n_clutch
@@ -36,6 +36,7 @@ contains
         call make(in_payload, size(model%payload))
         call make(in_friction, size(model%contact))
         call make(in_sense, size(model%contact))
+        call make(in_shared, merge(6*model%n_joint, 0, friction_is_shared(model)))
         call make(in_effort, model%n_actuator)
         call make(in_target, 2*model%n_actuator)
         call make(in_stop, n_stop(model%scene))

@@ -65,7 +65,7 @@ contains
         end if
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
         if (status%is_ok()) call settle_phases(model, status)
-        if (status%is_ok()) call refuse_open_friction(model, status)
+        if (status%is_ok()) call refuse_shared_work(model, status)
         call refuse_idle_preloads(model, status)
         if (.not. status%is_ok() .or. allocated(scene%hold) .or. is_known) return
         if (size(model%scene%hold) == 0) return
@@ -77,25 +77,17 @@ contains
         if (status%is_ok()) call settle_phases(model, status)
     end subroutine build_model
 
-    !> Friction comes of reactions that are determined; and drives that share the work are found before any reaction is.
-    subroutine refuse_open_friction(model, status)
+    !> Drives that share the work are found before any reaction is, and friction comes of reactions.
+    subroutine refuse_shared_work(model, status)
         type(model_type), intent(in) :: model
         type(status_type), intent(inout) :: status
-        integer :: i, j
 
         if (size(model%contact) == 0) return
-        do i = 1, size(model%contact)
-            j = model%contact(i)%joint
-            if (model%share%n == 0) exit
-            if (any(model%share%joint == j)) call fail(status, status_bad_input, "joint "//quoted(model%joint(j)%name) &
-                //": friction needs its reaction, which the equations leave open (expected friction elsewhere, or joints that " &
-                //"hold less)")
-        end do
         if (model%n_actuator <= model%n_q .or. model%scene%redundancy == share_refused) return
         call fail(status, status_bad_input, "friction at joint "//quoted(model%joint(model%contact(1)%joint)%name) &
                   //" and more actuators than coordinates: how these share the work is not known then " &
                   //"(expected as many actuators as coordinates)")
-    end subroutine refuse_open_friction
+    end subroutine refuse_shared_work
 
     !> Of an over-constrained mechanism not every way to close one loop lets the others close. Where nothing else chooses, such a way
     !> is taken that does; if there is none, the model stays as it is.

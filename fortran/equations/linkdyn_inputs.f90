@@ -7,7 +7,7 @@ module linkdyn_inputs
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
     use linkdyn_link_motion, only: motion_places, place_motion
-    use linkdyn_model, only: model_type, place_size, counts_for_another
+    use linkdyn_model, only: model_type, place_size, counts_for_another, friction_is_shared
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_record, only: new_input
@@ -18,7 +18,7 @@ module linkdyn_inputs
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
-    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, add_inputs, add_block
+    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, in_shared, add_inputs, add_block
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -44,7 +44,8 @@ module linkdyn_inputs
     integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2; 0: smooth (n_contact)
     integer, parameter :: in_unknown = 21       !! unknowns of the equations, once somebody has found them (n_unknown)
     integer, parameter :: in_transposed = 22    !! right-hand sides of the transposed equations (n_unknown)
-    integer, parameter :: n_block = 22
+    integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6 n_joint)
+    integer, parameter :: n_block = 23
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -126,6 +127,8 @@ contains
         call add(in_motion, [(.true., k=1, size(motion%number))])
         call add(in_stop, [(request%motion_is_given .and. model%scene%stop(k)%is_hard, k=1, n_stop(model%scene))])
         call add(in_clutch, [(request%motion_is_given, k=1, n_clutch(model%scene))])
+        call add(in_shared, [(request%motion_is_given .and. request%has_friction .and. friction_is_shared(model), &
+                              k=1, 6*model%n_joint)])
         call add(in_sense, [(request%motion_is_given .and. may_stick(model, k), k=1, size(model%contact))])
 
     contains

@@ -4,17 +4,18 @@ module linkdyn_trace
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_drive_sharing, only: share_work
-    use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench
-    use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
+    use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts
+    use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
         in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted, in_motion, &
-        in_stop, in_clutch, in_sense, in_unknown, add_inputs
+        in_stop, in_clutch, in_sense, in_unknown, in_shared, add_inputs
+    use linkdyn_contact, only: n_press
     use linkdyn_kinds, only: wp
     use linkdyn_layout, only: layout_type
     use linkdyn_link_motion, only: motion_places, link_columns, place_motion, take_motion, take_columns, velocities_become
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
-    use linkdyn_model, only: model_type, place_size, drives_share
+    use linkdyn_model, only: model_type, place_size, drives_share, friction_is_shared, feels_shares
     use linkdyn_operation, only: op_unknown
     use linkdyn_payload_wrenches, only: payload_wrench
     use linkdyn_placing, only: run_step
@@ -24,13 +25,14 @@ module linkdyn_trace
     use linkdyn_belts, only: apply_belt
     use linkdyn_springs, only: apply_spring
     use linkdyn_substitution, only: substitution, replace
-    use linkdyn_system, only: system_type, unknown, solve, take_solution
+    use linkdyn_system, only: system_type, unknown, solve, solved, take_solution
     use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), square, min
+    use linkdyn_vector, only: vector
     implicit none (type, external)
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
     public :: trace_given_motion, trace_sharing, solve_equations, take_unknowns, are_among, in_motion_of
-    public :: alarm_of, reach_of, pushes_of
+    public :: alarm_of, reach_of, pushes_of, pressed_by
 
     type :: traced_type
         type(input_blocks) :: in
@@ -130,6 +132,8 @@ contains
             call take_motion(traced%motion, in(in_motion)%v, traced%mechanism)
             if (request%has_columns) call take_columns(traced%motion, in(in_motion)%v, traced%beyond, traced%mechanism, &
                                                        traced%columns)
+            if (request%has_friction .and. friction_is_shared(model)) &
+                traced%shared = reshape(in(in_shared)%v, [6, model%n_joint])
         end associate
     end subroutine trace_given_motion
 
@@ -294,6 +298,27 @@ contains
             end associate
         end do
     end function pushes_of
+
+    !> What a contact feels of its joint's reaction, with what it has of reactions that are shared.
+    function pressed_by(traced, i) result(press)
+        type(traced_type), intent(inout) :: traced
+        integer, intent(in) :: i                       !! contact
+        type(value) :: press(n_press)                  !! [N]
+        type(acting_type) :: whole
+        type(value) :: r(6)
+
+        associate (mechanism => traced%mechanism, joint => traced%mechanism%model%contact(i)%joint)
+            if (.not. allocated(traced%shared) .or. .not. feels_shares(mechanism%model, joint)) then
+                press = solved(traced%system, pressing_parts(mechanism, i, traced%contact(i), traced%unknowns%reaction(joint)))
+                return
+            end if
+            r = reaction_of(mechanism, traced%unknowns, traced%system, joint) + traced%shared(:, joint)
+            whole%joint = joint
+            whole%force = vector(r(1), r(2), r(3))
+            whole%moment = vector(r(4), r(5), r(6))
+            press = pressing_parts(mechanism, i, traced%contact(i), whole)
+        end associate
+    end function pressed_by
 
     !> Driving force of an actuator whose force is not unknown.
     function given_effort(traced, i) result(effort)

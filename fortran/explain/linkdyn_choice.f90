@@ -1,7 +1,7 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
-    use linkdyn_model, only: model_type, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, by_branch, by_start, &
-        by_markers, by_fit
+    use linkdyn_model, only: model_type, friction_is_shared, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, &
+        by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
@@ -104,5 +104,6 @@ contains
             end do
             if (n > most_named) text = text//" and "//to_text(n - most_named)//" more"
         end associate
+        if (friction_is_shared(model)) text = text//", and what friction there makes of all others"
     end function shares_in_words
 end module linkdyn_choice

@@ -9,7 +9,7 @@ module linkdyn_friction
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_variables, only: joint_rates, move_pair
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_frame, pair_of
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, pair_of
     use linkdyn_value, only: value, constant, zero, is_zero, abs, sqrt, square, max, select, operator(+), &
         operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -63,7 +63,7 @@ contains
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
                 else
                     motion%turning = bodies%body(link(contact%side))%turning
-                    frame = marker_frame(mechanism, contact%joint, contact%side)
+                    frame = told_marker_frame(mechanism, contact%joint, contact%side)
                     motion%axis = frame%z
                     rate = joint_rates(mechanism, contact%joint)
                     select case (contact%form)

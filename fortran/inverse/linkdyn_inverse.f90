@@ -30,7 +30,7 @@ module linkdyn_inverse
     use linkdyn_lane_results, only: block_measures, prepare_measures, measure_block, values_of_block, tell_accelerations
     use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
-    use linkdyn_model, only: model_type, has_assemblies, drives_share
+    use linkdyn_model, only: model_type, friction_is_shared, has_assemblies, drives_share
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins
@@ -236,15 +236,20 @@ contains
         else
             call build_no_equations(model, solver%equations)
         end if
-        if (status%is_ok() .and. options%wants_errors .and. wants_reactions .and. model%share%n > 0) call fail(status, &
-            status_bad_input, "joint "//quoted(model%joint(model%share%joint(1))%name)//": the equations leave its reaction " &
-            //"open, which has no error estimate then (expected driving forces alone)")
+        if (status%is_ok() .and. options%wants_errors .and. friction_is_shared(model)) then
+            call fail(status, status_bad_input, "joint "//quoted(model%joint(model%contact(1)%joint)%name)//": friction comes of " &
+                //"reactions that the equations leave open, and has no error estimate (expected no estimates, or no friction)")
+        else if (status%is_ok() .and. options%wants_errors .and. wants_reactions .and. model%share%n > 0) then
+            call fail(status, status_bad_input, "joint "//quoted(model%joint(model%share%joint(1))%name) &
+                //": the equations leave its reaction open, which has no error estimate then (expected driving forces alone)")
+        end if
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
         end if
         ! reactions that the equations leave open have no estimates
-        if (options%wants_forces .and. size(model%group) > 0 .and. .not. (wants_reactions .and. model%share%n > 0)) &
+        if (options%wants_forces .and. size(model%group) > 0 .and. .not. ((wants_reactions .and. model%share%n > 0) .or. &
+                                                                        friction_is_shared(model))) &
             allocate (solver%look)
         solver%wants_distance = options%wants_distance
         if (options%wants_distance) solver%equations%needs_columns = .true.

@@ -14,7 +14,7 @@ module linkdyn_model
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: holds_spin, is_released, shared_reactions, gapes
+    public :: holds_spin, is_released, shared_reactions, gapes, friction_is_shared, feels_shares
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power
@@ -287,7 +287,8 @@ contains
         holds_spin = joint%kind == joint_universal .and. joint%told_kind == joint_spherical
     end function holds_spin
 
-    !> Reactions that the equations leave open, "J1.force J1.moment J2.force"; nothing if there are none.
+    !> Reactions that the equations leave open, "J1.force J1.moment J2.force", and driving forces that depend on how joints share
+    !> them, "drive.driving_force"; nothing if there are none.
     pure function shared_reactions(model) result(text)
         type(model_type), intent(in) :: model
         character(len=:), allocatable :: text
@@ -301,8 +302,34 @@ contains
                 if (model%share%of_moment(i)) text = text//" "//trim(name)//".moment"
             end associate
         end do
+        if (friction_is_shared(model)) then
+            do i = 1, model%n_actuator
+                text = text//" "//trim(model%scene%actuator(i)%name)//".driving_force"
+            end do
+        end if
         text = text(2:)
     end function shared_reactions
+
+    !> Does friction come of reactions that the equations leave open? All forces then depend on how these are shared.
+    pure logical function friction_is_shared(model)
+        type(model_type), intent(in) :: model
+        integer :: i
+
+        friction_is_shared = .false.
+        do i = 1, size(model%contact)
+            friction_is_shared = friction_is_shared .or. feels_shares(model, model%contact(i)%joint)
+        end do
+    end function friction_is_shared
+
+    !> Is any of a joint's reaction left open by the equations?
+    pure logical function feels_shares(model, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint
+
+        feels_shares = .false.
+        if (model%share%n == 0) return
+        feels_shares = any(model%share%joint == joint .and. (model%share%of_force .or. model%share%of_moment))
+    end function feels_shares
 
     !> Does a joint hold less than the scene says, as others hold it already?
     pure logical function is_released(joint)

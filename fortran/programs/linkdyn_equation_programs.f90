@@ -9,7 +9,7 @@ module linkdyn_equation_programs
     use linkdyn_elimination, only: sparse_row
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_force_system, only: unknown_note, label_len
-    use linkdyn_friction, only: move_contacts, pressing_parts
+    use linkdyn_friction, only: move_contacts
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_sense, in_target, in_motion
     use linkdyn_kinds, only: wp
     use linkdyn_layout, only: sparse_layout, lecture_layout
@@ -20,7 +20,7 @@ module linkdyn_equation_programs
     use linkdyn_springs, only: keep_direction, needs_direction
     use linkdyn_system, only: list_rows, solved
     use linkdyn_trace, only: traced_type, trace_given_motion, trace_equations, trace_what_acts, &
-        solve_equations, take_unknowns, are_among, alarm_of, reach_of
+        solve_equations, take_unknowns, are_among, alarm_of, reach_of, pressed_by
     use linkdyn_value, only: value, zero, is_constant, is_zero, number_of
     use linkdyn_virtual_work, only: trace_work
     implicit none (type, external)
@@ -224,8 +224,7 @@ contains
             case (out_transmitted)
                 call add_output(out, wanted(k), solved(traced%system, traced%unknowns%transmitted))
             case (out_press)
-                call add_output(out, wanted(k), [(solved(traced%system, pressing_parts(traced%mechanism, i, traced%contact(i), &
-                    traced%unknowns%reaction(model%contact(i)%joint))), i=1, size(model%contact))])
+                call add_output(out, wanted(k), [(pressed_by(traced, i), i=1, size(model%contact))])
             case (out_powers)
                 call add_output(out, wanted(k), powers(traced))
             case default

@@ -4,7 +4,7 @@ module linkdyn_force_program
     use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force, result_margin
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, friction_is_shared
     use linkdyn_reaction_sharing, only: watch_fit, share_reactions
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
@@ -68,7 +68,8 @@ contains
         logical :: shares
 
         associate (share => traced%mechanism%model%share)
-            shares = share%n > 0 .and. any(wanted == result_reaction)
+            shares = share%n > 0 .and. (any(wanted == result_reaction) .or. (allocated(traced%contact) .and. &
+                                                                            friction_is_shared(traced%mechanism%model)))
             if (shares .or. (share%may_gape .and. all(wanted /= result_margin))) call watch_fit(traced%mechanism)
         end associate
         if (.not. shares) return

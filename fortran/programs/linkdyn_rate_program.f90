@@ -1,12 +1,13 @@
 !> The program of forward dynamics: from coordinates, their rates and what acts to accelerations, with the elimination of
 !> all reactions inside. Where all accelerations are given it finds driving forces, for the stages of forward runs.
 module linkdyn_rate_program
+    use linkdyn_force_program, only: trace_redundancy
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_joint_variables, only: variable_rate
     use linkdyn_layout, only: sparse_layout
     use linkdyn_link_wrenches, only: applied_power
     use linkdyn_margins, only: assembly_margins
-    use linkdyn_model, only: model_type, counts_for_another
+    use linkdyn_model, only: model_type, counts_for_another, friction_is_shared
     use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene, only: side_joint
@@ -90,6 +91,7 @@ contains
         call trace_motion(model, request, sample, traced, merged=.true.)
         call trace_equations(request, sparse_layout(model), traced)
         call solve_equations(traced, is_last=are_wanted(traced))
+        if (allocated(traced%contact) .and. friction_is_shared(model)) call trace_redundancy([integer ::], traced)
     end subroutine trace_accelerations
 
     !> Unknown accelerations of the coordinates, or driving forces if there are none, are solved for last: reactions, which

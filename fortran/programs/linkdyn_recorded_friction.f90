@@ -5,7 +5,7 @@
 module linkdyn_recorded_friction
     use linkdyn_contact, only: contact_type, friction_of_speed, has_settled, most_rounds
     use linkdyn_force_program, only: trace_forces, list_forces
-    use linkdyn_friction, only: pressing_parts, pressing_force
+    use linkdyn_friction, only: pressing_force
     use linkdyn_inputs, only: trace_request, sample_set, in_friction, in_found
     use linkdyn_kernel, only: find_boundary
     use linkdyn_kinds, only: wp
@@ -13,8 +13,7 @@ module linkdyn_recorded_friction
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, make_scene_program, &
         load_samples, run_samples, run_one_sample, goes_to, free_scene_program, free_program_space
-    use linkdyn_system, only: solved
-    use linkdyn_trace, only: traced_type
+    use linkdyn_trace, only: traced_type, pressed_by
     use linkdyn_value, only: value
     implicit none (type, external)
     private
@@ -78,8 +77,7 @@ contains
 
         associate (contact => traced%mechanism%model%contact)
             do i = 1, size(force)
-                force(i) = pressing_force(traced%mechanism, i, solved(traced%system, pressing_parts( &
-                    traced%mechanism, i, traced%contact(i), traced%unknowns%reaction(contact(i)%joint))))
+                force(i) = pressing_force(traced%mechanism, i, pressed_by(traced, i))
             end do
             programs%contact = contact
         end associate

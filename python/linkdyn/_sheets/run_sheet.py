@@ -125,9 +125,10 @@ def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
         if worst.size and worst.max() > IMBALANCE:
             rows.append((f"the power balance is off by {worst.max():.2g} of its terms", f"at {_place(run, int(worst.argmax()))}"))
     if shared := str(run.attrs.get("shared_reactions", "")):
-        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ")))
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ") if not name.endswith(".driving_force")))
         taken = {"stiffness": "the least elastic energy"}.get(str(run.attrs["redundancy"]), "the least sum of squares")
-        rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}", ", ".join(joints)))
+        felt = ", and all forces depend on it by friction" if ".driving_force" in shared else ""
+        rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}{felt}", ", ".join(joints)))
     rows += _overloads(run)
     rows += _beyond(limits) if limits is not None else []
     if not rows:
