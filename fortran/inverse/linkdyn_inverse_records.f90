@@ -26,7 +26,9 @@ contains
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
-        real(wp) :: load(6, model%n_load, 1)
+        real(wp), target :: load(6, model%n_load, 1)
+        real(wp), allocatable, target :: at_rest(:, :)
+        type(motion_batch) :: motion
         integer :: n, i, n_left
 
         n = size(q, 2)
@@ -48,8 +50,12 @@ contains
         end if
         if (associated(recorded)) then
             load = 0
-            call run_by_record(model, recorded, 1, q, spread(spread(0.0_wp, 1, size(q, 1)), 2, n), &
-                               spread(spread(0.0_wp, 1, size(q, 1)), 2, n), load, assembly, results, n_left, left)
+            allocate (at_rest(size(q, 1), n), source=0.0_wp)
+            motion%q => q
+            motion%qd => at_rest
+            motion%qdd => at_rest
+            motion%load => load
+            call run_by_record(model, recorded, 1, motion, assembly, results, n_left, left)
             if (n_left == 0) allocate (left(0))
         else
             left = [(i, i=1, n)]
@@ -161,11 +167,12 @@ contains
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(recorded_forces), intent(in) :: recorded
-        real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
+        real(wp), intent(in), contiguous, target :: pose(:, :) !! (n_q, pose)
         type(sample_assembly), intent(in) :: assembly          !! there
         type(inverse_solver) :: by_lanes
         type(inverse_results) :: found(2), balance
-        real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
+        real(wp), allocatable, target :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
+        type(motion_batch) :: motion
         integer, allocatable :: left(:)
         type(agreement) :: of_both
         integer, parameter :: told(4) = [result_position, result_rotation, result_driving_force, result_reaction]    ! and compared
@@ -189,7 +196,12 @@ contains
                 if (any(recorded%wanted == told(k))) call found(i)%add(model, told(k), n)
             end do
         end do
-        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left, t)
+        motion%q => pose
+        motion%qd => qd
+        motion%qdd => qdd
+        motion%load => load
+        motion%t => t
+        call run_by_record(model, recorded, 1, motion, assembly, found(2), n_left, left)
         by_power = size(model%contact) == 0 .and. model%share%n == 0 .and. found(2)%wants(result_driving_force)
         if (by_power) then
             allocate (balance%status(n))
@@ -253,44 +265,35 @@ contains
 
     module procedure run_by_record
         real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
+        real(wp), target :: at_zero(1)
+        real(wp), pointer :: t(:)
         type(sample_arrays) :: arrays
         type(result_list) :: list
         integer :: n
 
-        n = size(q, 2)
-        call set_block(arrays, in_q, size(q, 1), n, q)
-        call set_block(arrays, in_qd, size(q, 1), n, qd)
-        call set_block(arrays, in_qdd, size(q, 1), n, qdd)
+        n = size(motion%q, 2)
+        call set_block(arrays, in_q, size(motion%q, 1), n, motion%q)
+        call set_block(arrays, in_qd, size(motion%q, 1), n, motion%qd)
+        call set_block(arrays, in_qdd, size(motion%q, 1), n, motion%qdd)
+        at_zero = 0
+        t => at_zero
+        if (associated(motion%t)) t => motion%t
         if (size(model%scene%laws%law) > 0) then
-            allocate (with_laws(6, size(load, 2), n), pull(size(model%scene%spring), n))
-            if (present(t)) then
-                call evaluate_load_laws(model, threads, q, qd, t, load, assembly, with_laws, pull)
-            else
-                call evaluate_load_laws(model, threads, q, qd, [0.0_wp], load, assembly, with_laws, pull)
-            end if
-            call set_block(arrays, in_load, 6*size(load, 2), n, with_laws)
+            allocate (with_laws(6, model%n_load, n), pull(size(model%scene%spring), n))
+            call evaluate_load_laws(model, threads, motion%q, motion%qd, t, motion%load, assembly, with_laws, pull)
+            call set_block(arrays, in_load, 6*model%n_load, n, with_laws)
             call set_block(arrays, in_pull, size(pull, 1), n, pull)
         else
-            call set_block(arrays, in_load, 6*size(load, 2), size(load, 3), load)
+            call set_block(arrays, in_load, 6*size(motion%load, 2), size(motion%load, 3), motion%load)
         end if
         if (model%scene%base%moves) then
-            if (present(t)) then
-                allocate (base(base_size(model), size(t)))
-                call evaluate_base(model, t, base)
-            else
-                allocate (base(base_size(model), 1))
-                call evaluate_base(model, [0.0_wp], base)
-            end if
+            allocate (base(base_size(model), size(t)))
+            call evaluate_base(model, t, base)
             call set_block(arrays, in_base, size(base, 1), size(base, 2), base)
         end if
         if (size(model%payload) > 0) then
-            if (present(t)) then
-                allocate (payload(size(model%payload), size(t)))
-                call evaluate_payloads(model, t, payload)
-            else
-                allocate (payload(size(model%payload), 1))
-                call evaluate_payloads(model, [0.0_wp], payload)
-            end if
+            allocate (payload(size(model%payload), size(t)))
+            call evaluate_payloads(model, t, payload)
             call set_block(arrays, in_payload, size(payload, 1), size(payload, 2), payload)
         end if
         call list_results(results, n, list)

@@ -1,6 +1,7 @@
 !> Turns of joint angles along a batch: at the mean of the rates from sample to sample, and where these do not tell, along the way.
 submodule (linkdyn_inverse) linkdyn_inverse_turns
     use linkdyn_catalogue, only: result_joint_rate, result_joint_variable
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_assembly_trail, only: begin_trail, reached_anew
     use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
     implicit none (type, external)
@@ -54,7 +55,7 @@ contains
             last = i
         end do
         call come_to_last()
-        if (associated(solver%pool)) call solver%free()
+        if (solver%is_prepared()) call solver%free()
 
     contains
 
@@ -74,7 +75,7 @@ contains
         subroutine look_closer(i)
             integer, intent(in) :: i
 
-            if (.not. associated(solver%pool)) then
+            if (.not. solver%is_prepared()) then
                 options%wants_forces = .false.
                 options%by_record = .false.
                 call prepare_inverse(model, options, .false., solver, status)
