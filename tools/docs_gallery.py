@@ -22,7 +22,7 @@ GROUPS = {
     "Platforms": ("stewart_drilling", "stewart_workspace", "stewart_tsai", "stewart_taghirad", "stewart_aris", "stewart_mathworks",
                   "delta", "tripod", "ship_hexapod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
-    "More constraints than needed": ("agile_eye", "tripteron", "crankshaft_bearings"),
+    "More constraints than needed": ("agile_eye", "tripteron", "crankshaft_bearings", "bricard"),
     "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar"),
     "Cams and slots": ("valve_train", "bucket_tappet", "thread_guide"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",

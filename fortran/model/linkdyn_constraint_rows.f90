@@ -11,7 +11,7 @@
 module linkdyn_constraint_rows
     use linkdyn_angles, only: matrix_of_angles
     use linkdyn_cross, only: cross
-    use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_damped_step, only: find_damped_step
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, along_axes, along_x_and_y, &
         along_z, along_normal
     use linkdyn_kinds, only: wp
@@ -307,11 +307,9 @@ contains
         logical, intent(out) :: is_done
         integer, intent(in), optional :: most            !! steps
         type(rows_type) :: rows
-        type(dense_workspace) :: workspace
-        real(wp), allocatable :: normal(:, :), step(:)
-        real(wp) :: rcond, error_bound, largest
-        logical :: is_singular
-        integer :: n, i, n_step
+        real(wp) :: step(size(loop%column)*ubound(loop%position, 2)), largest
+        logical :: is_found
+        integer :: n, n_step
 
         is_done = .false.
         n_step = most_steps
@@ -322,14 +320,9 @@ contains
             is_done = norm2(rows%residual(:rows%n)) <= is_closed
             if (is_done) return
             associate (j => rows%row(:, :rows%n), f => rows%residual(:rows%n))
-                normal = matmul(j, transpose(j))
-                do i = 1, size(normal, 1)
-                    normal(i, i) = normal(i, i) + min(1.0_wp, dot_product(f, f)) + least_damping
-                end do
-                step = -matmul(j, f)
+                call find_damped_step(j, f, min(1.0_wp, dot_product(f, f)) + least_damping, step, is_found)
             end associate
-            call solve_dense(workspace, normal, step, rcond, error_bound, is_singular)
-            if (is_singular) return
+            if (.not. is_found) return
             largest = maxval(abs(step))
             if (.not. largest < huge(largest)) return
             call move(loop, step*min(1.0_wp, 0.3_wp/max(largest, tiny(largest))))

@@ -176,3 +176,17 @@ def test_chains_pass_their_change_points(name, until):
         assert_near(run.qd.values[i], numbers(state["qd"]), part, f"{at}: qd")
         reactions = np.array([numbers(state["reaction"][joint]) for joint in run.joint.values])
         assert_near(run.reaction.values[i], reactions, 10 * part, f"{at}: reactions")
+
+
+# Where P3 is after a second, by the null space of the constraints in maximal coordinates, whose energy stays to 4e-14 J; ten digits.
+BRICARD_P3 = (0.5105014612, -1.6491675994, 0.1401231146)
+
+
+def test_bricard_falls():
+    """The library's problem A04: a place known to ten digits, and the energy after ten seconds."""
+    run = linkdyn.Scene(description("bricard/scene.toml")).forward(t=[0.0, 1.0, 10.0], rtol=1e-12, atol=1e-12)
+    assert run.attrs["stopped"] == ""
+    point = run.linkdyn.marker("rod3.P3").position.values[1]
+    assert np.abs(point - BRICARD_P3).max() <= 1e-10
+    energy = (run.kinetic_energy + run.potential_energy).values
+    assert np.abs(energy - energy[0]).max() <= 1e-11 * np.abs(run.potential_energy.values).max()
