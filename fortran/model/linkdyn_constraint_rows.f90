@@ -21,7 +21,7 @@ module linkdyn_constraint_rows
     implicit none (type, external)
     private
     public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, close_near_start, list_rows, joint_frame
-    public :: joint_point, any_turned_over
+    public :: joint_point, any_turned_over, move_bodies
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
@@ -325,13 +325,14 @@ contains
             if (.not. is_found) return
             largest = maxval(abs(step))
             if (.not. largest < huge(largest)) return
-            call move(loop, step*min(1.0_wp, 0.3_wp/max(largest, tiny(largest))))
+            call move_bodies(loop, step*min(1.0_wp, 0.3_wp/max(largest, tiny(largest))))
         end do
     end subroutine close_loop
 
-    subroutine move(loop, step)
+    !> By a small step of each body: shifts, then rotation vectors.
+    subroutine move_bodies(loop, step)
         type(loop_type), intent(inout) :: loop
-        real(wp), intent(in) :: step(:)
+        real(wp), intent(in) :: step(:)                 !! its columns, body after body [scene sizes, rad]
         real(wp) :: six(6)
         integer :: b, n
 
@@ -342,7 +343,7 @@ contains
             loop%position(:, b) = loop%position(:, b) + six(:3)
             loop%rotation(:, :, b) = matmul(turn_by(six(4:)), loop%rotation(:, :, b))
         end do
-    end subroutine move
+    end subroutine move_bodies
 
     ! ---------------------------------------------------------------- rows
 

@@ -19,9 +19,9 @@
 !> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
 module linkdyn_release
-    use linkdyn_constants, only: pi
+    use linkdyn_constants, only: golden, pi
     use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, close_near_start, list_rows, joint_frame, &
-        any_turned_over, of_force, of_moment
+        move_bodies, any_turned_over, of_force, of_moment
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: find_redundant_gears
     use linkdyn_elastic_links, only: list_arm_parts
@@ -42,6 +42,9 @@ module linkdyn_release
     integer, parameter :: most_poses = 64, least_poses = 3    !! at which the self-stress is looked at: fewer of large mechanisms,
     integer, parameter :: small = 576                   !! of one with n links this many over their square
     integer, parameter :: few_steps = 60                !! in which poses far off close, or are left out
+    real(wp), parameter :: stride = 0.25_wp             !! on the way from the start [rad, scene sizes], of the body that moves most
+    !> A direction whose part of the self-stress is larger at both ends of a stride has not been without any between them.
+    real(wp), parameter :: not_leapt_over = stride/2
     integer, parameter :: n_angle = 6                   !! axes across a hinge that are tried, of each of its links
     real(wp), parameter :: acts = 1.0e-3_wp             !! part of a self-stress along a direction that can go
     integer, parameter :: many_moves = 2000             !! times states of self-stress: beyond, the search is shorter
@@ -62,6 +65,7 @@ module linkdyn_release
 
     !> The mechanism in one pose.
     type :: stressed_pose
+        integer :: n_stride = 0                         !! from the first pose, on the way from there; 0: it is elsewhere, or the first
         type(loop_type) :: loop
         type(rows_type) :: rows
         integer, allocatable :: first(:)                !! row of each joint; the next one's is behind its last
@@ -96,8 +100,7 @@ contains
         if (size(pose(1)%stress, 2) == 0) return
         call list_moves(model, pose(1)%loop, move)
         sure = pack([(i, i=1, size(move))], lets_gear_go(move))
-        call choose_release(pose, move, sure, gears_first, best)
-        if (.not. allocated(best)) call choose_release(clear_poses(pose, move, sure, gears_first), move, sure, gears_first, best)
+        call choose_on_way(pose, move, sure, gears_first, best)
         if (.not. allocated(best)) return
         do i = 1, size(best)
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
@@ -171,37 +174,87 @@ contains
                   //"'minimum-norm')")
     end subroutine check_stiffness
 
-    !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those
-    !> that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not close; cams
-    !> neither act nor close, so what they hold besides is not redundant.
+    !> Self-stresses in poses off the start; none if the first of these cannot be closed. Some follow on the way from there, to either
+    !> side: a direction along which the self-stress changes its sign would leave the mechanism singular on the way. The others are all
+    !> over the place: those that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not
+    !> close; cams neither act nor close, so what they hold besides is not redundant.
     subroutine look_at_poses(model, pose)
         type(model_type), intent(in) :: model
         type(stressed_pose), allocatable, intent(out) :: pose(:)
-        type(stressed_pose) :: here
+        type(loop_type) :: loop
         integer, allocatable :: joint(:)
         logical :: is_closed
-        integer :: p, i
+        integer :: p, i, n
 
         allocate (pose(0))
         joint = pack([(i, i=1, model%n_joint)], model%joint(:model%n_joint)%cam == 0)
-        do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
-            if (p == 1) then
-                call close_near_start(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed)
-            else
-                call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
-                if (is_closed) call close_loop(model, here%loop, is_closed, most=few_steps)
-            end if
-            if (is_closed) is_closed = .not. any_turned_over(here%loop)
-            if (p == 1 .and. .not. is_closed) return
-            if (.not. is_closed) cycle
-            call list_rows(model, here%loop, here%rows)
-            call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%stress)
-            here%whole = here%stress
-            here%first = [(1 + count(here%rows%joint(:here%rows%n) < i), i=1, size(joint) + 1)]
-            if (p > 1) is_closed = size(here%stress, 2) == size(pose(1)%stress, 2)
-            if (is_closed) pose = [pose, here]
+        call close_near_start(model, [(i, i=1, model%n_link)], joint, loop, is_closed)
+        if (is_closed) is_closed = .not. any_turned_over(loop)
+        if (.not. is_closed) return
+        call add_pose(model, loop, pose)
+        if (size(pose(1)%stress, 2) == 0) return
+        n = max(least_poses, min(most_poses, small/model%n_link**2))
+        call add_way(model, 1, n/2, pose)
+        call add_way(model, -1, n/2, pose)
+        do p = 1, n - 1
+            call make_loop(model, [(i, i=1, model%n_link)], joint, loop, is_closed, p)
+            if (is_closed) call close_loop(model, loop, is_closed, most=few_steps)
+            if (is_closed) is_closed = .not. any_turned_over(loop)
+            if (is_closed) call add_pose(model, loop, pose)
         end do
     end subroutine look_at_poses
+
+    !> Poses on the way from the first on, each the next one's beginning.
+    subroutine add_way(model, sense, n, pose)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: sense                    !! 1 or -1
+        integer, intent(in) :: n                        !! of poses, if it goes on so far
+        type(stressed_pose), allocatable, intent(inout) :: pose(:)
+        type(loop_type) :: loop
+        type(rows_type) :: rows
+        real(wp), allocatable :: freedom(:, :), along(:)
+        logical :: is_closed
+        integer :: i, k
+
+        loop = pose(1)%loop
+        do i = 1, n
+            call list_rows(model, loop, rows)
+            call find_null_space(transpose(rows%row(:, :rows%n)), hardly_new, freedom)
+            if (size(freedom, 2) == 0) return
+            if (i == 1) then
+                along = sense*matmul(freedom, [(1 + modulo(k*golden, 1.0_wp), k=1, size(freedom, 2))])
+            else
+                along = matmul(freedom, matmul(along, freedom))
+            end if
+            if (.not. maxval(abs(along)) > 0) return
+            along = along*(stride/maxval(abs(along)))
+            call move_bodies(loop, along)
+            call close_loop(model, loop, is_closed, most=few_steps)
+            if (.not. is_closed) return
+            call add_pose(model, loop, pose, n_stride=i)
+        end do
+    end subroutine add_way
+
+    !> One more pose, if it has as much self-stress as the first.
+    subroutine add_pose(model, loop, pose, n_stride)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(stressed_pose), allocatable, intent(inout) :: pose(:)
+        integer, intent(in), optional :: n_stride       !! absent: 0
+        type(stressed_pose) :: here
+        integer :: i
+
+        here%loop = loop
+        if (present(n_stride)) here%n_stride = n_stride
+        call list_rows(model, here%loop, here%rows)
+        call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%stress)
+        if (size(pose) > 0) then
+            if (size(here%stress, 2) /= size(pose(1)%stress, 2)) return
+        end if
+        here%whole = here%stress
+        here%first = [(1 + count(here%rows%joint(:here%rows%n) < i), i=1, size(loop%joint) + 1)]
+        pose = [pose, here]
+    end subroutine add_pose
 
     ! ---------------------------------------------------------------- moves
 
@@ -350,18 +403,42 @@ contains
                             .and. move(:k - 1)%needs == move(k)%needs)
     end function begins
 
-    !> The best of all beginnings; nothing if none of them leaves the joints enough in every pose.
-    subroutine choose_release(pose, move, sure, gears_first, best)
+    !> What can go as far on the way as possible without a singular pose. Where anything that could go has one near the start, as
+    !> in a train that turns on and on, the way does not count.
+    subroutine choose_on_way(pose, move, sure, gears_first, best)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: sure(:)                  !! moves that are taken in any case
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: best(:)
+        integer, allocatable :: near(:)
+        integer :: way, p
+        real(wp) :: score
+
+        way = maxval(pose%n_stride)
+        do
+            near = pack([(p, p=1, size(pose))], pose%n_stride <= way)
+            call choose_release(pose(near), move, sure, gears_first, best, score)
+            if (way == 0 .or. score >= not_leapt_over) exit
+            way = way/2
+        end do
+        if (.not. allocated(best)) &
+            call choose_release(clear_poses(pose(near), move, sure, gears_first), move, sure, gears_first, best)
+    end subroutine choose_on_way
+
+    !> The best of all beginnings; nothing if none of them leaves the joints enough in every pose.
+    subroutine choose_release(pose, move, sure, gears_first, best, best_score)
+        type(stressed_pose), intent(in) :: pose(:)
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: sure(:)                  !! moves that are taken in any case
+        logical, intent(in) :: gears_first
+        type(move_type), allocatable, intent(out) :: best(:)
+        real(wp), intent(out), optional :: best_score   !! of the worst of them
         type(move_type), allocatable :: taken(:)
-        real(wp) :: score, best_score
+        real(wp) :: score, highest
         integer :: i, first
 
-        best_score = acts
+        highest = acts
         ! of many moves only the best is one to begin with
         first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves .or. gears_first)
         do i = first, merge(0, size(move), first == 0)
@@ -369,10 +446,11 @@ contains
                 if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
             end if
             call choose_moves(pose, move, sure, i, gears_first, taken, score)
-            if (score <= best_score*(1 + rounding)) cycle
-            best_score = score
+            if (score <= highest*(1 + rounding)) cycle
+            highest = score
             best = taken
         end do
+        if (present(best_score)) best_score = highest
     end subroutine choose_release
 
     !> The poses in which some joints can let go: the one near the start, and of those far off all but the mechanism's own singular
@@ -443,7 +521,11 @@ contains
             if (like > 0) then
                 if (move(k)%i /= move(like)%i .or. move(k)%kind /= move(like)%kind) cycle
             end if
-            strength(k) = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
+            strength(k) = 1
+            do p = 1, size(pose)
+                strength(k) = min(strength(k), strength_of(pose(p), move(k)))
+                if (strength(k) < acts) exit
+            end do
         end do
         if (any((is_geared(move%needs) .eqv. gears_first) .and. strength > acts)) &
             strength = merge(strength, 0.0_wp, is_geared(move%needs) .eqv. gears_first)
