@@ -474,7 +474,7 @@ contains
         end if
         if (wanted%growth) call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
         if (wanted%checks) call add(layout, result_power_imbalance, "power_imbalance", &
-            "driving and external power less change of energy, relative to the sum of magnitudes", "1")
+            "driving and external power less change of energy, relative to the powers that the forces could have", "1")
     end subroutine describe_variables
 
     !> What scenes with motors have.

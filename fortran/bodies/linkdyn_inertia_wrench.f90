@@ -9,11 +9,12 @@
 module linkdyn_inertia_wrench
     use linkdyn_bodies, only: bodies_type, world_axes, own_axes, acceleration_field, field_times, rotation_of, omega_of, &
         alpha_of, point_acceleration, arm_of
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, components, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.)
+    use linkdyn_value, only: value, abs, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, components, sum_of_magnitudes, zero_vector, operator(+), operator(-), operator(*), &
+        operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: mass_properties, inertia_wrench
+    public :: mass_properties, inertia_wrench, inertia_size
 
     !> Of one link, link axes.
     type :: mass_properties
@@ -43,6 +44,27 @@ contains
         if (axes == world_axes) moment = rotation_of(bodies, link) .rotate.moment
         moment = moment + (mc.cross.a)
     end subroutine inertia_wrench
+
+    !> How large the parts of that wrench about the origin are, inertia and weight apart: what its rounding is measured by
+    !> where they balance each other.
+    subroutine inertia_size(properties, acceleration, turning, force, moment)
+        type(mass_properties), intent(in) :: properties
+        type(value), intent(in) :: acceleration        !! how large: of the origin, and gravity [m/s2]
+        type(value), intent(in) :: turning             !! how large: alpha and omega squared [1/s2]
+        type(value), intent(out) :: force, moment      !! [N, N m]
+        type(value) :: mc, i(3, 3)
+        integer :: k, l
+
+        mc = properties%mass*sum_of_magnitudes(properties%cog)
+        force = properties%mass*acceleration + turning*mc
+        moment = mc*acceleration
+        i = inertia_about(properties, zero_vector())
+        do l = 1, 3
+            do k = 1, l
+                moment = moment + turning*abs(i(k, l))
+            end do
+        end do
+    end subroutine inertia_size
 
     !> Inertia tensor about a point: the parallel axes.
     function inertia_about(properties, point) result(tensor)

@@ -2,10 +2,10 @@
 !> of the plane by themselves where z components are zero and rotations turn about z.
 module linkdyn_vector
     use linkdyn_kinds, only: wp
-    use linkdyn_value, only: value, constant, zero, one, is_zero, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, constant, zero, one, is_zero, abs, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: vector, rotation, vector_of, zero_vector, unit_vector, identity_rotation, components, is_null
+    public :: vector, rotation, vector_of, zero_vector, unit_vector, identity_rotation, components, is_null, sum_of_magnitudes
     public :: operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
 
     type :: vector
@@ -97,6 +97,14 @@ contains
 
         is_null = is_zero(v%x) .and. is_zero(v%y) .and. is_zero(v%z)
     end function is_null
+
+    !> How large a vector is, without a root: its length, or up to sqrt(3) times that.
+    function sum_of_magnitudes(v) result(total)
+        type(vector), intent(in) :: v
+        type(value) :: total
+
+        total = abs(v%x) + abs(v%y) + abs(v%z)
+    end function sum_of_magnitudes
 
     impure elemental function add(a, b) result(r)
         type(vector), intent(in) :: a, b

@@ -2,12 +2,12 @@
 module linkdyn_power_balance
     use linkdyn_bodies, only: own_axes, omega_of, rotation_of
     use linkdyn_joint_variables, only: variable_rate
-    use linkdyn_link_wrenches, only: link_wrenches
+    use linkdyn_link_wrenches, only: link_wrenches, wrench_sizes
     use linkdyn_rotor_forces, only: rotor_power
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
     use linkdyn_value, only: value, zero, one, abs, select, reciprocal, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, operator(.dot.), operator(.unrotate.)
+    use linkdyn_vector, only: vector, sum_of_magnitudes, operator(.dot.), operator(.unrotate.)
     implicit none (type, external)
     private
     public :: power_imbalance
@@ -15,12 +15,14 @@ module linkdyn_power_balance
 contains
 
     !> Sum of driving force times rate, less the power of what each link's motion asks for beyond loads and springs,
-    !> relative to the sum of magnitudes; zero where nothing moves.
+    !> relative to how large the powers could be: driving powers, and forces and moments in their parts times speeds. So
+    !> links in balance, or pushed across their way, show rounding and no share of it. Zero where nothing moves.
     function power_imbalance(traced) result(imbalance)
         type(traced_type), intent(inout) :: traced
         type(value) :: imbalance
         type(value) :: total, size, over_size
-        type(vector) :: force(traced%mechanism%model%n_link), moment(traced%mechanism%model%n_link), velocity
+        type(vector) :: force(traced%mechanism%model%n_link), moment(traced%mechanism%model%n_link), velocity, omega
+        type(value) :: force_size(traced%mechanism%model%n_link), moment_size(traced%mechanism%model%n_link)
         integer :: i, l
 
         total = zero()
@@ -36,10 +38,12 @@ contains
                 if (model%motor(i)%inertia > 0) call add(-solved(traced%system, rotor_power(traced%mechanism, i)))
             end do
             call link_wrenches(traced, force, moment)
+            call wrench_sizes(traced, force_size, moment_size)
             do l = 1, model%n_link
                 velocity = rotation_of(bodies, l) .unrotate.bodies%body(l)%velocity
-                call add(-solved(traced%system, force(l) .dot.velocity))
-                call add(-solved(traced%system, moment(l) .dot.omega_of(bodies, l, own_axes)))
+                omega = omega_of(bodies, l, own_axes)
+                total = total - solved(traced%system, (force(l) .dot.velocity) + (moment(l) .dot.omega))
+                size = size + force_size(l)*sum_of_magnitudes(velocity) + moment_size(l)*sum_of_magnitudes(omega)
             end do
         end associate
         over_size = reciprocal(select(size, size, one()))

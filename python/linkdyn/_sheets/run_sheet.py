@@ -38,8 +38,6 @@ ROUNDED = 1e-9
 """Of a torque: what is saturated at its limit is not beyond it."""
 IMBALANCE = 1e-9
 """Of the power, as a part of its terms: rounding leaves some 1e-15."""
-HARDLY = 1e-9
-"""Of the largest power of a run: less is none."""
 
 
 def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
@@ -121,7 +119,7 @@ def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
             first = int((run.assembly.values == code).argmax()) if "assembly" in run else 0
             rows.append((f"{n} {words}", f"first at {_place(run, first)}"))
     if "power_imbalance" in run:
-        worst = np.where(_is_at_work(run), np.nan_to_num(np.abs(run.power_imbalance.values)), 0.0)
+        worst = np.nan_to_num(np.abs(run.power_imbalance.values))
         if worst.size and worst.max() > IMBALANCE:
             rows.append((f"the power balance is off by {worst.max():.2g} of its terms", f"at {_place(run, int(worst.argmax()))}"))
     if shared := str(run.attrs.get("shared_reactions", "")):
@@ -134,15 +132,6 @@ def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
     if not rows:
         return None
     return Table("Warnings", ["what", "where"], [[Cell(what, alarm=True), Cell(where)] for what, where in rows], wide=(0, 1))
-
-
-def _is_at_work(run: xr.Dataset) -> NDArray[np.bool_]:
-    """(N,) where drives give or take any power to speak of: in the dwell of a cam, or at rest, the balance is rounding by rounding."""
-    power = np.nan_to_num(np.abs(run.driving_power.values)).sum(axis=1) if "driving_power" in run else np.zeros(0)
-    if not power.any():
-        return np.ones(run.sizes["sample"], dtype=bool)
-    at_work: NDArray[np.bool_] = power > HARDLY * power.max()
-    return at_work
 
 
 def _overloads(run: xr.Dataset) -> list[tuple[str, str]]:
