@@ -547,7 +547,9 @@ contains
     end function keeps_law
 
     !> A step of the multistep method, looked through by another one that takes parts of it from its beginning, at the same
-    !> tolerances. Where guards cross the step ends.
+    !> tolerances. Where guards cross the step ends. The two methods come to different ends, as the tolerances allow: a crossing that
+    !> lies between these would leave the solution behind it, and be met again and again. So a step that seems to cross is
+    !> the other method's to its end.
     subroutine look_through(self, system, t_before, y, solution)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -555,7 +557,7 @@ contains
         real(wp), intent(in) :: y(:, :)                         !! before the step
         real(wp), intent(inout) :: solution(:)                  !! after it
         type(multistep_taken) :: taken
-        real(wp), dimension(size(solution)) :: rate
+        real(wp) :: rate(size(solution)), by_other(lanes, size(solution))
         real(wp) :: share(lanes)
         logical :: failed
 
@@ -571,13 +573,20 @@ contains
         call system%evaluate_alone(self%t, solution, rate, failed)
         taken%rate_end = spread(rate, 1, lanes)
         call find_crossing(system, taken, share, self%has_crossed)
-        self%is_at_crossing = any(self%has_crossed)
-        if (self%is_at_crossing .and. share(1) < 1) then
+        if (any(self%has_crossed)) then
+            call solve_part(taken, system, 1.0_wp, by_other)
+            if (all(abs(by_other) <= huge(1.0_wp))) then
+                taken%y_end = by_other
+                call system%evaluate_alone(self%t, by_other(1, :), rate, failed)
+                taken%rate_end = spread(rate, 1, lanes)
+                call find_crossing(system, taken, share, self%has_crossed)
+            end if
             call taken%retake(system, share, taken%y_end)
             solution = taken%y_end(1, :)
-            self%t = t_before + share(1)*taken%length(1)
-            call self%gsl%reset()                               ! which stands where the step had ended
+            if (share(1) < 1) self%t = t_before + share(1)*taken%length(1)
+            call self%gsl%reset()                               ! which stands where its own step had ended
         end if
+        self%is_at_crossing = any(self%has_crossed)
         call system%evaluate_alone(self%t, solution, rate, failed)
     end subroutine look_through
 
@@ -586,16 +595,25 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: share(lanes)
         real(wp), intent(out) :: y(:, :)
+
+        y = self%y_end
+        if (share(1) < 1) call solve_part(self, system, share(1), y)
+    end subroutine retake_multistep
+
+    !> The solution at a part of a step, or at its end, by the method that looks through it.
+    subroutine solve_part(self, system, share, y)
+        class(multistep_taken), intent(in) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: share
+        real(wp), intent(out) :: y(:, :)                        !! not a number where it cannot be had
         type(seulex_method), allocatable :: seulex
         type(step_control) :: control
         type(pause_type) :: never
         real(wp) :: t_end
         integer :: outcome
 
-        y = self%y_end
-        if (share(1) >= 1) return
         y = self%y
-        t_end = self%t(1) + share(1)*self%length(1)
+        t_end = self%t(1) + share*self%length(1)
         if (.not. t_end > self%t(1)) return
         allocate (seulex)
         call seulex%start(system%n, self%rtol)
@@ -607,7 +625,7 @@ contains
         end do
         y = spread(control%y, 1, lanes)
         if (control%t < t_end) y = ieee_value(1.0_wp, ieee_quiet_nan)
-    end subroutine retake_multistep
+    end subroutine solve_part
 
     !> Draw the consequences of crossings at the instant reached.
     subroutine meet(self, system, y)

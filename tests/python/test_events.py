@@ -107,6 +107,18 @@ def test_bounces_that_die_out_come_to_rest():
     assert float(run.event_loss.sum()) == pytest.approx(2 * GRAVITY * 1.0, rel=1e-11)
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+@pytest.mark.parametrize("restitution", [0.8, 0.3, 0.0])
+def test_no_tolerance_keeps_msbdf_in_a_stop(restitution, tolerance):
+    """What looks through its steps for crossings ends elsewhere, by the error of the step: between the two ends the ball was met by the
+    floor again and again, in steps of no length."""
+    scene = slide(gravity=[0, -GRAVITY], stop=[{"name": "floor", "joint": "h", "min": 0, "restitution": restitution}])
+    run = run_or_skip(scene, "msbdf", t=np.linspace(0, 6, 61), rtol=tolerance, atol=tolerance)
+    assert not run.status.values.any()
+    assert len(times(run, "floor.min", "rest")) == 1
+    assert run.q.values.min() > -1e-12 and abs(run.q.values[-1, 0]) < 1e-12
+
+
 @pytest.mark.parametrize("restitution", [0, 0.5])
 @pytest.mark.parametrize("method", ["gbs", "rk4"])
 def test_it_leaves_when_the_stop_would_pull(restitution, method):
