@@ -4,7 +4,8 @@
 !> coordinates as one before it, in which all joints turn the other way. A step over the dead point ends in that one unless
 !> something is known of the way between. Joint rates tell: over a short step they change by what their accelerations make, and
 !> where one has changed its sign without these the mechanism has been thrown back. Coordinates that can be exchanged
-!> (`linkdyn_coordinate_watch`) never come that far; this is for those of poses and of joints with several axes.
+!> (`linkdyn_coordinate_watch`) never come that far, if steps are short enough to see them grow worse. So this is for those of
+!> poses and of joints with several axes, and for all where the tolerances make no short steps.
 module linkdyn_bounce_watch
     use linkdyn_coordinate_watch, only: has_one_axis
     use linkdyn_joint_rates, only: joint_rate
@@ -19,7 +20,7 @@ module linkdyn_bounce_watch
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: bounce_watch, prepare_bounce_watch, measure_rates, measure_end, look_at_end, note_start, gains_of
+    public :: bounce_watch, prepare_bounce_watch, watch_loose_steps, measure_rates, measure_end, look_at_end, note_start, gains_of
 
     !> Rates and accelerations at an instant: of hinges and slides, then, in space, of links' turns.
     type :: motion_type
@@ -31,6 +32,7 @@ module linkdyn_bounce_watch
 
     type :: bounce_watch
         logical :: is_on = .false.
+        logical :: is_recorded = .false.            !! records tell what it asks of the end of a step
         logical :: is_ahead = .false.               !! a step that went further than the last accepted state has bounced
         real(wp), private :: t_bounced = 0          !! its end [s]
         integer, allocatable :: joint(:)            !! with one axis
@@ -54,6 +56,7 @@ contains
         watch%end = watch%start
         watch%is_on = follows_assembly(model) .and. n > 0 &
                       .and. (any(is_free .and. .not. may_be_exchanged()) .or. (any(is_free) .and. has_joints_of_several_axes()))
+        watch%is_recorded = watch%is_on
 
     contains
 
@@ -91,6 +94,18 @@ contains
             end do
         end function may_be_exchanged
     end subroutine prepare_bounce_watch
+
+    !> Watch the coordinates that can be exchanged, too, where steps may be so long that their dead points go unseen.
+    subroutine watch_loose_steps(model, is_free, rtol, atol, watch)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_free(:)           !! coordinates that are not driven (n_q)
+        real(wp), intent(in) :: rtol, atol          !! of the steps
+        type(bounce_watch), intent(inout) :: watch
+        real(wp), parameter :: loose = 1.0e-5_wp    !! ten times below where one of some hundred runs first leapt
+
+        if (max(rtol, atol) > loose) &
+            watch%is_on = follows_assembly(model) .and. any(is_free) .and. size(watch%joint) + size(watch%link) > 0
+    end subroutine watch_loose_steps
 
     !> Rates in a state of what is watched.
     function measure_rates(model, state, watch) result(rate)

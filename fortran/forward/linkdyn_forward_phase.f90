@@ -83,6 +83,7 @@ contains
         if (.not. associated(phase%model, own)) phase%system%n_before_record = evaluations_before_record(phase%model)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches
+        call phase%system%watch_ends(options%integrator%rtol, options%integrator%atol)
     end subroutine plan_phase
 
     !> A dense solver asked for by name stays with the lanes.

@@ -126,6 +126,7 @@ module linkdyn_forward_system
         procedure :: see_within => follow_turns_within
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
+        procedure :: watch_ends
         procedure :: leads_too_far
         procedure :: part_in_sight
         procedure :: stalled_coordinate
@@ -294,6 +295,12 @@ module linkdyn_forward_system
             real(wp), intent(in) :: t(lanes)
             real(wp), intent(in) :: y(:, :)
         end subroutine look_and_decide
+
+        !> By which tolerances steps will be taken: how closely their ends are watched.
+        module subroutine watch_ends(self, rtol, atol)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: rtol, atol             !! of the steps
+        end subroutine watch_ends
 
         !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back?
         logical module function leads_too_far(self, t)
@@ -790,7 +797,9 @@ contains
         where (is_accepted) self%obstacle = sample_ok
         self%control%state%blind = 0
         is_seen = .false.
-        if (self%assembly%is_needed .or. wraps_anywhere(self%of_joints)) is_seen = sees_accepted(self, t, y, is_accepted)
+        if (self%assembly%is_needed .or. wraps_anywhere(self%of_joints)) then
+            if (self%bounce%is_recorded .or. .not. self%bounce%is_on) is_seen = sees_accepted(self, t, y, is_accepted)
+        end if
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             if (is_seen) is_seen = accept_by_look(self, t, y, is_accepted)

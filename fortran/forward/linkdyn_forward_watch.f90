@@ -1,6 +1,6 @@
 !> Coordinates that come to dead points: when the caller has to do something about one, and which steps lead too far.
 submodule (linkdyn_forward_system) linkdyn_forward_watch
-    use linkdyn_bounce_watch, only: measure_end, look_at_end, gains_of
+    use linkdyn_bounce_watch, only: measure_end, look_at_end, gains_of, watch_loose_steps
     use linkdyn_coordinate_watch, only: compare_rates, note_rates, is_well_past, is_near_dead_point, dead_coordinate, largest_growth
     implicit none (type, external)
 
@@ -33,6 +33,12 @@ contains
             self%wants_rest = dead_coordinate(self%watch, .false.) > 0
         end if
     end procedure look_and_decide
+
+    !> By which tolerances steps will be taken: whether a mechanism thrown back is looked for at their ends.
+    module procedure watch_ends
+        call watch_loose_steps(self%model, self%equations%unknown%acceleration, rtol, atol, self%bounce)
+        self%looks_at_ends = self%bounce%is_on
+    end procedure watch_ends
 
     !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back at its dead point?
     module procedure leads_too_far
@@ -80,7 +86,7 @@ contains
         real(wp), intent(in) :: t                      !! of it [s]
         real(wp), dimension(3, size(self%bounce%joint) + size(self%bounce%link)) :: rate, acceleration
 
-        if (sees_end(self)) then
+        if (self%bounce%is_recorded .and. sees_end(self)) then
             rate = seen_motion(self, is_acceleration=.false.)
             acceleration = seen_motion(self, is_acceleration=.true.)
         else

@@ -93,7 +93,12 @@ contains
                      //meeting_in_words(run%model)
         else if (run%system%bounce%is_ahead .and. run%integrator%reason /= stop_pace) then
             ! steps that would not come to the end meet bounces as well, where they are too long
-            reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
+            if (run%system%bounce%is_recorded) then
+                reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
+            else
+                reason = reason//"a coordinate comes to its dead point, and at these tolerances every step " &
+                         //"leads to a mechanism thrown back"
+            end if
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"

@@ -98,6 +98,7 @@ contains
         if (.not. status%is_ok()) return
         self%system%may_record = .true.
         call prepare_watch(self%model, spread(.true., 1, self%model%n_q), self%system%watch)
+        call self%system%watch_ends(self%options%rtol, self%options%atol)
         if (allocated(self%y)) deallocate (self%y)
         allocate (self%y(lanes, self%system%n), rate(lanes, self%system%n))
         call fill_start(self%model, self%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), self%y)

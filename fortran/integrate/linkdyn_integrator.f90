@@ -479,7 +479,8 @@ contains
             if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
             is_sound = keeps_law(self, system, solution)
             n_unsound = merge(0, n_unsound + 1, is_sound .or. system%n_jump > n_jump)
-            if (self%options%rtol <= fine .and. modulo(n_unsound, most_unsound) > 0) then
+            if (leads_back(self, system, solution) .or. &
+                (self%options%rtol <= fine .and. modulo(n_unsound, most_unsound) > 0)) then
                 call take_back(self, t_before, y, solution)
                 cycle
             end if
@@ -545,6 +546,20 @@ contains
         keeps_law = .not. system%broken_law(self%t, solution, 4*spacing(solution), &
                                             self%options%atol + self%options%rtol*abs(solution)) > 1
     end function keeps_law
+
+    !> Does a step to a solution end where no way from the accepted one leads? A shorter one is to be taken.
+    logical function leads_back(self, system, solution)
+        type(integrator_type), intent(in) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: solution(:)                     !! at self%t
+        real(wp) :: rate(size(solution))
+        logical :: failed
+
+        leads_back = .false.
+        if (.not. system%looks_at_ends) return
+        call system%evaluate_alone(self%t, solution, rate, failed)
+        if (.not. failed) leads_back = system%leads_too_far(self%t)
+    end function leads_back
 
     !> A step of the multistep method, looked through by another one that takes parts of it from its beginning, at the same
     !> tolerances. Where guards cross the step ends. The two methods come to different ends, as the tolerances allow: a crossing that

@@ -28,6 +28,7 @@ module linkdyn_lane_system
         logical :: has_jumped = .false.                   !! f has, since `watch_jumps`
         real(wp), allocatable :: jump(:)                  !! by how much at most (n)
         integer :: n_jump = 0                             !! how often, in all
+        logical :: looks_at_ends = .false.                !! `leads_too_far` has something to say
         ! ---- guards: numbers over the state whose sign a run looks out for
         integer :: n_guard = 0
         logical :: lanes_are_one = .false.                !! one solution on all lanes
