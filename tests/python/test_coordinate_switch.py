@@ -581,6 +581,18 @@ def test_one_message_for_a_dead_point(name: str, coordinates: tuple[str, ...], m
     assert any(f"coordinate '{each}'" in stopped for each in coordinates), stopped
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize(("name", "end"), [("hooke_by_angle", 0.365021), ("fivebar_by_tip", 0.281655)])
+def test_msbdf_is_not_thrown_back(name: str, end: float, tolerance: float) -> None:
+    """Its steps end by errors of their own order and went on behind these dead points, Hooke's joint to the end at each tolerance."""
+    try:
+        run = linkdyn.load(SCENES / f"{name}.toml").forward(t=np.linspace(0.0, 0.6, 121), method="msbdf", rtol=tolerance, atol=tolerance)
+    except linkdyn.UnavailableError as error:
+        pytest.skip(f"a build without msbdf: {error}")
+    assert "comes to its dead point, where it turns back" in run.attrs["stopped"]
+    assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=3e-3)
+
+
 def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
     """The instant of the test above, by coordinates that have no dead point there."""
     scene = tomllib.loads((SCENES / "fivebar_by_tip.toml").read_text())
