@@ -6,6 +6,7 @@ Usage: build_docs.py FOLDER        into FOLDER/html; warnings end it
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,14 @@ from docs_gallery import write_gallery
 ROOT = Path(__file__).resolve().parent.parent
 PARTS = ("docs", "examples", "benchmarks", "CHANGELOG.md", "CONTRIBUTING.md")
 START = '<!DOCTYPE html><meta charset="utf-8"><title>linkdyn</title><meta http-equiv="refresh" content="0; url=docs/index.html">\n'
+
+ELSEWHERE = {
+    "styles": re.compile(r'<link href="https://[^"]*/bootstrap[^"]*"[^>]*>'),
+    "scripts": re.compile(r'<script src="https://[^"]*/bootstrap[^"]*"[^>]*></script>'),
+    "formulas": re.compile(r'<script src="https://[^"]*/MathJax[^"]*"[^>]*></script>'),
+}
+LOADED = re.compile(r'<(?:script[^>]*src|link[^>]*href|img[^>]*src)="((?:https?:)?//[^"]*)"')
+"""What a page takes from another host while it is shown; its links may lead there."""
 
 
 class Page(HTMLParser):
@@ -76,6 +85,19 @@ def set_up_kernels(folder: Path) -> None:
     os.environ["IPYTHONDIR"] = str(folder)
 
 
+def stay_at_home(site: Path) -> None:
+    """FORD's pages load Bootstrap and MathJax from a public host: Sphinx's theme brings the former, and there are no formulas."""
+    theme = site / "_static"
+    for file in (site / "fortran").rglob("*.html"):
+        at_home = Path(os.path.relpath(theme, file.parent)).as_posix()
+        text = ELSEWHERE["styles"].sub(f'<link href="{at_home}/styles/pydata-sphinx-theme.css" rel="stylesheet">', file.read_text(encoding="utf-8"))
+        text = ELSEWHERE["scripts"].sub(f'<script src="{at_home}/scripts/bootstrap.js"></script>', text)
+        text = ELSEWHERE["formulas"].sub("", text)
+        if left := LOADED.search(text):
+            sys.exit(f"{file.relative_to(site)}: loads {left[1]} (expected what is in the site)")
+        file.write_text(text, encoding="utf-8")
+
+
 def run(*command: str | Path) -> None:
     beside = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])      # FORD calls pcpp by its name
     if subprocess.run(command, cwd=ROOT, env=os.environ | {"PATH": beside}, check=False).returncode != 0:
@@ -91,6 +113,7 @@ def main(folder: str) -> None:
     python = [sys.executable, "-m"]
     run(*python, "sphinx", "--fail-on-warning", "--keep-going", "--quiet", "-c", ROOT / "docs" / "site", "-d", build / "doctrees", source, site)
     run(*python, "ford", "--quiet", "--output_dir", site / "fortran", ROOT / "ford.md")
+    stay_at_home(site)
     (site / "index.html").write_text(START, encoding="utf-8")
     if dead := dead_links(site):
         sys.exit("Links that lead nowhere:\n" + "\n".join(dead))

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
-from build_docs import dead_links, lay_out, set_up_kernels  # noqa: E402
+from build_docs import dead_links, lay_out, set_up_kernels, stay_at_home  # noqa: E402
 from docs_gallery import examples, write_gallery  # noqa: E402
 
 PAGES = sorted([*(page for page in ROOT.glob("*.md") if page.stem != "ford"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*/README.md"), *ROOT.glob("benchmarks/*.md")])
@@ -47,6 +47,25 @@ def test_kernels_show_figures(tmp_path, monkeypatch):
     set_up_kernels(tmp_path)
     backend = subprocess.run([sys.executable, "-c", "import matplotlib; print(matplotlib.get_backend())"], capture_output=True, text=True, check=True)
     assert "inline" in backend.stdout
+
+
+def test_fords_pages_need_no_network(tmp_path):
+    """They load Bootstrap from a public host, without which they are bare lists; anything else that they load so is an error."""
+    page = tmp_path / "fortran" / "module" / "m.html"
+    page.parent.mkdir(parents=True)
+    hosts = "https://cdn.jsdelivr.net/npm"
+    page.write_text(
+        f'<link href="{hosts}/bootstrap@5.3.3/dist/css/bootstrap.min.css" rel="stylesheet"\n integrity="x"><link href="../css/local.css">'
+        f'<script src="{hosts}/bootstrap@5.3.3/dist/js/bootstrap.bundle.min.js"\n integrity="x"></script>'
+        f'<script src="{hosts}/mathjax@2.7.9/MathJax.js?config=T" async></script><a href="https://forddocs.readthedocs.io">FORD</a>',
+        encoding="utf-8",
+    )
+    stay_at_home(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert '"../../_static/styles/pydata-sphinx-theme.css"' in text and '"../../_static/scripts/bootstrap.js"' in text and hosts not in text
+    page.write_text(f'<script src="{hosts}/other.js"></script>', encoding="utf-8")
+    with pytest.raises(SystemExit, match=r"fortran/module/m\.html: loads https.*other\.js"):
+        stay_at_home(tmp_path)
 
 
 def test_every_example_is_in_the_gallery():
