@@ -143,19 +143,19 @@ contains
                 text = "stays at "//in_short(factor*q(k, 1))//" "//name
             end if
         end function way_in_words
-
-        !> Five digits.
-        function in_short(number) result(text)
-            real(wp), intent(in) :: number
-            character(len=:), allocatable :: text
-            real(wp) :: unit_digit
-
-            unit_digit = 0
-            if (abs(number) > tiny(number)) unit_digit = 10.0_wp**(floor(log10(abs(number))) - 4)
-            text = to_text(number)
-            if (unit_digit > 0) text = to_text(anint(number/unit_digit)*unit_digit)
-        end function in_short
     end subroutine explain_motion
+
+    !> Five digits.
+    function in_short(number) result(text)
+        real(wp), intent(in) :: number
+        character(len=:), allocatable :: text
+        real(wp) :: unit_digit
+
+        unit_digit = 0
+        if (abs(number) > tiny(number)) unit_digit = 10.0_wp**(floor(log10(abs(number))) - 4)
+        text = to_text(number)
+        if (unit_digit > 0) text = to_text(anint(number/unit_digit)*unit_digit)
+    end function in_short
 
     !> Links that may spin while nothing else moves.
     subroutine explain_spins(model, unit)
@@ -279,12 +279,10 @@ contains
 
         subroutine explain_transmission(d)
             integer, intent(in) :: d
-            character(len=64) :: line
 
             if (survey%angle(d) > pi) return           ! it could not be assembled at all
-            write (line, "(a,f0.1,a,g0.4,a)") "transmission angle down to ", survey%angle(d)*180/pi, " deg, at t = ", &
-                survey%time(d), " s"
-            write (unit, "(8x,a)") trim(line)
+            write (unit, "(8x,a)") "transmission angle down to "//to_text(anint(survey%angle(d)*1800/pi)/10)//" deg, at t = " &
+                //in_short(survey%time(d))//" s"
         end subroutine explain_transmission
     end subroutine explain_order
 
@@ -447,8 +445,8 @@ contains
             write (unit, "(2x,a)") "nonzeros "//to_text(size(kernels%form%row))//", of these varying " &
                 //to_text(count(kernels%form%output > 0))
             if (answers%solving%program%is_made) then
-                write (unit, "(2x,a)") "all unknowns: "//in_words(answers%solving%program%kernel)//", pivots watched: " &
-                    //to_text(answers%n_watched)
+                write (unit, "(2x,a)") "all unknowns: "//in_words(answers%solving%program%kernel)//new_line("a") &
+                    //"  pivots watched: "//to_text(answers%n_watched)
             else
                 write (unit, "(2x,a)") "no pivots good enough at the representative poses; every sample goes to the dense solver"
             end if

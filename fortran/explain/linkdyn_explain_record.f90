@@ -18,6 +18,8 @@ module linkdyn_explain_record
     private
     public :: explain_record, in_words
 
+    character(len=*), parameter :: indent = "      "
+
 contains
 
     subroutine explain_record(model, poses, unit)
@@ -70,12 +72,15 @@ contains
         call free_rates(recorded)
     end subroutine explain_rates
 
-    !> Operations a sample, those of one kind together.
+    !> Operations a sample, those of one kind together, in lines that a page holds.
     function in_words(kernel) result(text)
         type(kernel_type), intent(in) :: kernel
         character(len=:), allocatable :: text
+        integer, parameter :: most = 84
+        integer :: start                         ! where the last line begins
 
-        text = to_text(count_of(kernel, ""))//" operations a sample ("
+        text = to_text(count_of(kernel, ""))//" operations a sample:"//new_line("a")//indent
+        start = len(text) - len(indent)
         call add(number("multiply_add") + number("multiply_subtract") + number("subtract_product"), "products with a sum")
         call add(number("multiply"), "products")
         call add(number("add") + number("subtract"), "sums")
@@ -85,7 +90,6 @@ contains
         call add(number("arctangent"), "angles")
         call add(number("minimum") + number("maximum") + number("absolute") + number("select") + number("whole"), "choices")
         call add(number("piece") + number("nearest") + number("farthest"), "look-ups in curves")
-        text = text//")"
 
     contains
 
@@ -100,7 +104,13 @@ contains
             character(len=*), intent(in) :: what
 
             if (n == 0) return
-            if (text(len(text):) /= "(") text = text//", "
+            if (len(text) > start + len(indent)) text = text//","
+            if (len(text) - start + len(what) + 8 > most) then
+                text = text//new_line("a")//indent
+                start = len(text) - len(indent)
+            else if (len(text) > start + len(indent)) then
+                text = text//" "
+            end if
             text = text//to_text(n)//" "//what
         end subroutine add
     end function in_words

@@ -440,6 +440,15 @@ def test_explain(tsai_file):
     assert result.stdout == linkdyn.load(tsai_file).explain()
 
 
+@pytest.mark.parametrize("name", ["stewart_tsai", "slider_crank", "valve_train"])
+def test_explain_fits_a_page(name):
+    """Lists of operations ran past the box of a page, and instants were told as 0.7500E-1."""
+    text = linkdyn.load(f"examples/{name}/scene.toml").explain()
+    records = text[text.index("\nElimination\n") :].partition("\nLeft out\n")[0]
+    assert "products with a sum" in records and max(map(len, records.splitlines())) <= 90
+    assert not re.search(r"\bt = \S*E", text)
+
+
 def test_explain_of_a_pose_in_the_plane():
     """Three coordinates there, six in space."""
     link = {"name": "body", "mass": 1.0, "inertia": 0.1}
