@@ -45,13 +45,14 @@ module linkdyn_f2py_api
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_sweep_rounds, only: kept_width, most_kept
+    use linkdyn_table, only: spline_through
     use linkdyn_text, only: printable, to_text
     use linkdyn_build, only: version
     use linkdyn_code, only: choose_code, code_in_use
     use linkdyn_watched_run, only: advance_watched, time_reached
     implicit none
     private
-    public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows
+    public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows, api_spline
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads, &
               api_attitudes
@@ -389,6 +390,17 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_attitudes
+
+    !> The spline that a table of a scene has through these knots, and its first two derivatives, at instants within them.
+    subroutine api_spline(n_knot, time, knot, n, t, value, rate, acceleration)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: n_knot, n
+        real(c_double), intent(in) :: time(n_knot), knot(n_knot)           ! time [s] increases; two knots at least
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout) :: value(n), rate(n), acceleration(n)
+
+        call spline_through(time, knot, t, value, rate, acceleration)
+    end subroutine api_spline
 
     !> How the frame moves: x y z roll pitch yaw with their derivatives.
     subroutine api_frame_motion(handle, n, t, n_pose_values, pose, code, message)

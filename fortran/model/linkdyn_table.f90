@@ -7,9 +7,10 @@ module linkdyn_table
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: law_spec
+    use linkdyn_spline, only: fit_spline
     implicit none (type, external)
     private
-    public :: table_place, find_places, evaluate_table, attitude_at, interval_of, lies_within
+    public :: table_place, find_places, evaluate_table, attitude_at, spline_through, interval_of, lies_within
 
     !> Where an instant lies.
     type :: table_place
@@ -134,6 +135,23 @@ contains
         p = at(1, :)
         call spin_of_quaternion(p, rate(1, :), rate2(1, :), omega, alpha)
     end subroutine attitude_at
+
+    !> The spline through knots that are no scene's, at instants within them, and its first two derivatives.
+    subroutine spline_through(time, knot, t, value, rate, acceleration)
+        real(wp), intent(in) :: time(:)                !! increasing, two at least
+        real(wp), intent(in) :: knot(:)
+        real(wp), intent(in) :: t(:)                   !! (n)
+        real(wp), intent(out) :: value(:), rate(:), acceleration(:)    !! (n)
+        real(wp), allocatable :: curvature(:)
+        type(table_place), allocatable :: place(:)
+        integer :: near
+
+        allocate (curvature(size(time)), place(size(t)))
+        near = 1
+        call find_places(time, t, near, place)
+        call fit_spline(time, knot, curvature)
+        call evaluate_spline(knot, curvature, place, value, rate, acceleration)
+    end subroutine spline_through
 
     pure subroutine evaluate_spline(knot, curvature, place, value, rate, acceleration)
         real(wp), intent(in) :: knot(:), curvature(:)

@@ -292,6 +292,14 @@ def attitudes(handle: int, attitude: Floats, q: Floats, qd: Floats, qdd: Floats)
     check(*_api.api_attitudes(handle, len(q), _flat(attitude), _flat(q), _flat(qd), _flat(qdd)))
 
 
+def spline(t: Floats, values: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """The cubic spline that a table of a scene has through ``values``, and its first two derivatives, at instants within ``t``."""
+    value, rate, acceleration = (np.empty(len(at)) for _ in range(3))
+    if len(at):
+        _api.api_spline(t, np.ascontiguousarray(values), at, value, rate, acceleration)
+    return value, rate, acceleration
+
+
 def frame_motion(handle: int, t: Floats) -> Floats:
     """How the frame moves: (n, 3, 6) x y z [m] roll pitch yaw [rad], their first and second derivatives."""
     pose = np.empty((len(t), 3, POSE_WIDTH))

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import as_floats, as_known, dimensions
+from ._bind import spline
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -298,44 +299,7 @@ def _turning(a: Floats, b: Floats) -> Floats:
 
 
 def _spline(t: Floats, values: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
-    """Cubic splines with not-a-knot ends through the columns of ``values``, and their first and second derivatives."""
-    bend = _bends(t, values)
-    i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-    h = (t[i + 1] - t[i])[:, np.newaxis]
-    a = (t[i + 1] - at)[:, np.newaxis] / h
-    b = 1 - a
-    low, high = bend[i], bend[i + 1]
-    value = a * values[i] + b * values[i + 1] + ((a**3 - a) * low + (b**3 - b) * high) * h**2 / 6
-    rate = (values[i + 1] - values[i]) / h + ((3 * b**2 - 1) * high - (3 * a**2 - 1) * low) * h / 6
-    return value, rate, a * low + b * high
-
-
-def _bends(t: Floats, values: Floats) -> Floats:
-    """Second derivatives at the knots."""
-    n, h = len(t), np.diff(t)
-    slope = np.diff(values, axis=0) / h[:, np.newaxis]
-    bend = np.zeros(values.shape)
-    if n == 2:
-        return bend
-    right = 6 * np.diff(slope, axis=0)
-    if n == 3:
-        bend[:] = right / (3 * (h[0] + h[1]))
-        return bend
-    # the third derivative goes on through the second knot and the last but one, which takes the ends out of the equations
-    lower, upper = h[:-1].copy(), h[1:].copy()
-    middle = 2 * (h[:-1] + h[1:])
-    middle[0] += h[0] * (1 + h[0] / h[1])
-    upper[0] -= h[0] ** 2 / h[1]
-    middle[-1] += h[-1] * (1 + h[-1] / h[-2])
-    lower[-1] -= h[-1] ** 2 / h[-2]
-    for k in range(1, n - 2):
-        part = lower[k] / middle[k - 1]
-        middle[k] -= part * upper[k - 1]
-        right[k] -= part * right[k - 1]
-    inner = bend[1:-1]
-    inner[-1] = right[-1] / middle[-1]
-    for k in range(n - 4, -1, -1):
-        inner[k] = (right[k] - upper[k] * inner[k + 1]) / middle[k]
-    bend[0] = (1 + h[0] / h[1]) * bend[1] - h[0] / h[1] * bend[2]
-    bend[-1] = (1 + h[-1] / h[-2]) * bend[-2] - h[-1] / h[-2] * bend[-3]
-    return bend
+    """The engine's splines through the columns of ``values``, and their first and second derivatives."""
+    columns = [spline(t, column, at) for column in values.T]
+    value, rate, acceleration = (np.stack(of_columns, axis=1) for of_columns in zip(*columns))
+    return value, rate, acceleration

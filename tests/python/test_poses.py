@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import linkdyn
@@ -282,7 +283,7 @@ def test_table_of_quaternions_through_the_pole(tmp_path: Path) -> None:
 
 
 def test_table_and_python_lead_alike(tmp_path: Path) -> None:
-    """`Pose.through` has the rates of the engine's splines, which are written twice; and they are those by differences."""
+    """`Pose.through` and a table of the same rows move alike; the way is that of scipy's splines, the rates those by differences."""
     t = np.sort(np.concatenate([[0, 2], np.random.default_rng(2).uniform(0, 2, 30)]))
     q = wobble(t)[0]
     write_table(tmp_path / "pole.csv", t, q[:, :3], quaternions(rotation_of(q) * BY))
@@ -295,6 +296,8 @@ def test_table_and_python_lead_alike(tmp_path: Path) -> None:
     before, here, after = (
         linkdyn.Pose.through(t, q[:, :3], quaternions(rotation_of(q) * BY), at=at + step) for step in (-h, 0.0, h)
     )
+    for k, found in enumerate((here.position, here.velocity, here.acceleration)):
+        np.testing.assert_allclose(found, CubicSpline(t, q[:, :3])(at, k), atol=1e-11)
     turn = Rotation.from_matrix(after.rotation @ np.swapaxes(before.rotation, 1, 2)).as_rotvec() / (2 * h)
     np.testing.assert_allclose(here.angular_velocity, turn, atol=1e-8)
     np.testing.assert_allclose(here.angular_acceleration, (after.angular_velocity - before.angular_velocity) / (2 * h), atol=1e-7)
