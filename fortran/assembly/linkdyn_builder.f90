@@ -57,7 +57,7 @@ contains
         is_known = .false.
         if (present(like)) is_known = stand_alike(scene, like%scene)
         if (is_known) then
-            with_holds = scene
+            call copy_scene(scene, with_holds)
             with_holds%hold = like%scene%hold
             call plan_scene(with_holds, model, status, closed_forms, like, holds_alike=.true.)
         else
@@ -70,9 +70,9 @@ contains
         if (.not. status%is_ok() .or. allocated(scene%hold) .or. is_known) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
-        with_holds = scene
+        call copy_scene(scene, with_holds)
         with_holds%hold = holds_at_start(model)
-        at_start = model
+        call copy_model(model, at_start)
         call plan_scene(with_holds, model, status, closed_forms, at_start)
         if (status%is_ok()) call settle_phases(model, status)
     end subroutine build_model
@@ -106,7 +106,7 @@ contains
         open = pack([(i, i=1, size(model%step))], is_open(model%step))
         open = open(:min(most, size(open)))
         do way = 1, 2**size(open) - 1
-            turned = scene
+            call copy_scene(scene, turned)
             do k = 1, size(open)
                 associate (step => model%step(open(k)))
                     turned%joint(step%joint(2))%branch = nint(model%branch(step%first))*merge(-1, 1, btest(way, k - 1))
@@ -116,7 +116,7 @@ contains
             call plan_scene(turned, trial, status, closed_forms)
             if (.not. status%is_ok()) cycle
             if (.not. joints_fit(trial)) cycle
-            model = trial
+            call copy_model(trial, model)
             model%chosen_by(model%step(open)%first) = by_fit
             return
         end do
@@ -165,7 +165,7 @@ contains
         do l = 0, model%n_link
             stand(:, :, l) = mat3_lane(state%rotation(orientation_of(model, l)), 1)
         end do
-        loose = model
+        call copy_model(model, loose)
         loose%joint%kind = loose%joint%told_kind
         call find_idle_spins(loose, spin)
         call choose_holds(loose, spin, hold, stand)
@@ -182,7 +182,7 @@ contains
         integer :: i, n_belt
 
         n_belt = 0
-        model%scene = scene
+        call copy_scene(scene, model%scene)
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         if (.not. allocated(model%scene%payload)) allocate (model%scene%payload(0))
         if (.not. allocated(model%scene%friction)) allocate (model%scene%friction(0))
@@ -272,17 +272,17 @@ contains
                 return
             end if
         end if
-        laid = model
+        call copy_model(model, laid)
         call plan(model, status)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return
         ! without joints that let go the gears beside them may do
         do way = 1, merge(2, 1, size(laid%gear) > 0)
-            unplanned = laid
+            call copy_model(laid, unplanned)
             again = status_type()
             call release_joints(unplanned, way == 2, is_freed, again)
             if (.not. again%is_ok()) status = again
             if (.not. (is_freed .and. again%is_ok())) return
-            model = unplanned
+            call copy_model(unplanned, model)
             call plan(model, again)
             if (way == 1 .or. again%is_ok()) status = again
             if (again%is_ok()) return
@@ -523,4 +523,20 @@ contains
             end if
         end do
     end subroutine share_orientations
+
+    !> The compiler writes a copy out in place, component by component, thousands of instructions each time: here it stands once.
+    subroutine copy_model(from, to)
+        type(model_type), intent(in) :: from
+        type(model_type), intent(inout) :: to
+
+        to = from
+    end subroutine copy_model
+
+    !> Likewise.
+    subroutine copy_scene(from, to)
+        type(scene_type), intent(in) :: from
+        type(scene_type), intent(inout) :: to
+
+        to = from
+    end subroutine copy_scene
 end module linkdyn_builder
