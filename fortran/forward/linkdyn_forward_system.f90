@@ -647,6 +647,8 @@ contains
             if (present(there)) then
                 call unpack_state(model, self%layout, t, y, there%turns, workspace%state)
                 call evaluate_assembled(model, t, there%assembly, workspace%state)
+                ! no bit of a sample may hang on the ones evaluated before it: the motion's groups set out from the accepted state
+                call forget_forces(self%of_motion)
             else
                 call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
                 call evaluate_assembled(model, t, self%assembly, workspace%state)

@@ -840,7 +840,7 @@ contains
     end subroutine lay_curve
 
     !> The same by one step, ahead from the beginning or back from the end, or by several; at last by the better one of the first
-    !> two, if it leaves the digits that a result must have.
+    !> two, if it leaves the digits that a result must have. It is a trial of its own: no bit of it may hang on what was looked at before.
     subroutine step_within(self, system, t, solution)
         class(controlled_step), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -848,6 +848,7 @@ contains
         real(wp), intent(out) :: solution(:)           !! not a number where it cannot be had (n)
         real(wp) :: ahead(size(solution)), back(size(solution)), most, part(2)
 
+        call system%begin_trial()
         call step_from(self, system, self%t(1), self%y(1, :), self%rest, self%rate(1, :), t, ahead, part(1))
         solution = ahead
         if (part(1) <= 1) return

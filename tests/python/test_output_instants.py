@@ -86,3 +86,16 @@ def test_instants_of_several_steps_are_told_as_each_alone(name: str, method: str
     for result in ("joint_variable", "joint_rate", "reaction"):
         size = np.nanmax(np.abs(many[result].values))
         np.testing.assert_allclose(few[result].values, same[result].values, rtol=0.0, atol=1e-11 * size, err_msg=result)
+
+
+@pytest.mark.parametrize(("name", "end", "method"), [("delta", 0.5, "rk8pd"), ("tripod", 0.5, "gbs"), ("valve_train", 0.3, "gbs"), ("valve_train", 0.3, "seulex")])
+def test_where_a_run_takes_breath_changes_no_bit(name: str, end: float, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces of the scene's motion and solutions within a step were found from where groups had stood at whatever was evaluated before."""
+    runs = []
+    for breath, block in ((1e9, 4096), (1e9, 7), (1e-9, 4096)):
+        monkeypatch.setattr("linkdyn.scene.BREATH", breath)
+        monkeypatch.setattr("linkdyn.scene.RUN_BLOCK", block)
+        runs.append(load(name).forward(t=np.linspace(0.0, end, 151), method=method, rtol=1e-7, atol=1e-7))
+    for other in runs[1:]:
+        for result, values in runs[0].data_vars.items():
+            np.testing.assert_array_equal(other[result].values, values.values, err_msg=str(result))
