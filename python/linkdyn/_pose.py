@@ -176,6 +176,8 @@ class Pose:
         t = as_floats("pose: t", t, (len(attitude),))
         if len(t) < 2 or not (np.diff(t) > 0).all():
             raise InputError("pose: t: expected two increasing instants at least")
+        if place is not None and (lost := np.flatnonzero(~np.isfinite(place).all(axis=1))).size:
+            raise InputError(f"pose: position[{lost[0]}] is not finite")
         at = t if at is None else as_floats("pose: at", at, (None,))
         if len(at) and not (t[0] <= at.min() and at.max() <= t[-1]):
             raise InputError(f"pose: at: expected instants from {t[0]:g} s to {t[-1]:g} s")

@@ -28,6 +28,12 @@ def test_motion_has_a_row_for_each_unit(run):
     figure.canvas.draw()
 
 
+def test_arguments_that_there_are_not(run):
+    """The name of the function is told, as by Python itself."""
+    with pytest.raises(TypeError, match="^motion: too many positional arguments"):
+        plot.motion(run, 3)
+
+
 def test_energies_with_their_balance(run):
     figure, axes = plot.energies(run)
     balance = axes[1].get_lines()[0].get_ydata()

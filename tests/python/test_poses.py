@@ -431,6 +431,7 @@ ONE = [[1.0, 0.0, 0.0, 0.0]]
         (lambda scene: linkdyn.Pose(matrix=[np.full((4, 4), 0.5)]), "pose: matrix: expected the last row 0 0 0 1"),
         (lambda scene: linkdyn.Pose(quaternion=ONE, velocity=[[0, 0, 0]]), "velocity, acceleration: given without position"),
         (lambda scene: linkdyn.Pose.through([0.0, 0.0], quaternion=ONE * 2), "pose: t: expected two increasing instants"),
+        (lambda scene: linkdyn.Pose.through([0.0, 1.0], [[0, 0, 0], [0, 0, np.inf]], ONE * 2), r"pose: position\[1\] is not finite"),
         (lambda scene: linkdyn.Pose.through([0.0, 1.0], quaternion=ONE * 2, at=[2.0]), "pose: at: expected instants from 0 s to 1 s"),
         (lambda scene: linkdyn.Pose.through([0.0, 1.0], quaternion=[ONE[0], [0, 0, 0, 1]]), "attitude 1 is more than 120 degrees"),
         (lambda scene: scene.inverse(pose={}), "pose: is empty"),

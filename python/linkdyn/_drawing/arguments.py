@@ -31,7 +31,10 @@ def checked(function: Function) -> Function:
 
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
-        bound = signature.bind(*arguments, **named)
+        try:
+            bound = signature.bind(*arguments, **named)
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}: {error}") from None
         for name, value in bound.arguments.items():
             if value is not None or signature.parameters[name].default is not None:
                 bound.arguments[name] = _KINDS[name](f"{function.__name__}: {name}", value)
