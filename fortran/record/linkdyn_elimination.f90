@@ -1,9 +1,10 @@
 !> Elimination while tracing: sparse linear equations with values for entries are solved once, symbolically.
 !>
 !> Pivots are chosen by the operations that they cost (Markowitz' rule, with constants and ones for free) among those whose
-!> numbers are large enough at every representative sample. A column without such a pivot, as a crank that turns all the
-!> way round gives, is cleared by turning two of its rows into each other. Each pivot that varies is watched: the system's
-!> `alarm` grows beyond one where a pivot has become so small that rounding may have grown with it.
+!> numbers are large enough at every representative sample and of one sign, so that they do not vanish in between, either.
+!> Where no column has such a pivot, as with a crank that turns all the way round, two rows are turned into each other. Each
+!> pivot that varies is watched: the system's `alarm` grows beyond one where a pivot has become so small that rounding may
+!> have grown with it.
 !>
 !> Columns may stay free, of rows that do not determine them: what the others then are for a one in each, and nothing on the
 !> right, are the states that the rows allow.
@@ -60,6 +61,7 @@ module linkdyn_elimination
         integer :: cost = unacceptable
         real(wp) :: quality = 0                        !! smallest over largest number of the pivot
         integer :: row = 0
+        logical :: has_both_signs = .false.            !! it vanishes somewhere between the samples
     end type candidate
 
     type :: work_type
@@ -67,6 +69,7 @@ module linkdyn_elimination
         type(sparse_row), allocatable :: row(:)
         type(index_list), allocatable :: column(:)     !! rows in which a column stands
         real(wp), allocatable :: scale(:)              !! (row) one over its largest number
+        integer, allocatable :: turned_for(:)          !! (row) the column in which its entry is a sum of squares; 0: none
         logical, allocatable :: is_active(:)           !! (sample) is it looked at?
         logical, allocatable :: is_open(:)             !! (column) not solved for yet
         logical, allocatable :: is_next(:)             !! (column) open, and none stands before it: a pivot is looked for here
@@ -101,13 +104,15 @@ contains
             n_turned = 0
             do
                 call choose_pivot(work, u, pivot)
-                if (u > 0) exit
+                if (u > 0 .and. .not. pivot%has_both_signs) exit
                 found = .false.
                 ! What no pair of rows makes better, two far too different in size, would be turned for ever.
                 if (n_turned < n_column) call turn_rows(work, found)
                 if (found) then
                     n_turned = n_turned + 1
                     elimination%n_turned = elimination%n_turned + 1
+                else if (u > 0) then
+                    exit
                 else
                     call give_up_a_sample(work, found)
                     if (.not. found) return
@@ -139,7 +144,8 @@ contains
         work%record => open_record_of_thread()
         work%n_sample = work%record%n_sample
         allocate (work%row(size(row)), work%column(n_column), work%scale(size(row)), work%is_open(n_column), &
-                  work%best(n_column), work%is_stale(n_column), work%is_active(work%n_sample))
+                  work%turned_for(size(row)), work%best(n_column), work%is_stale(n_column), work%is_active(work%n_sample))
+        work%turned_for = 0
         work%is_open = .true.
         work%is_stale = .true.
         work%is_active = .true.
@@ -183,7 +189,7 @@ contains
 
     ! ---------------------------------------------------------------- choosing
 
-    !> The column and its row that cost least.
+    !> The column and its row that cost least, of those whose pivots keep their sign, if there are any.
     subroutine choose_pivot(work, chosen, pivot)
         type(work_type), intent(inout) :: work
         integer, intent(out) :: chosen                 !! 0: no column has an acceptable pivot
@@ -208,7 +214,9 @@ contains
     pure logical function is_better(a, b)
         type(candidate), intent(in) :: a, b
 
-        if (a%cost /= b%cost) then
+        if (a%has_both_signs .neqv. b%has_both_signs) then
+            is_better = b%has_both_signs
+        else if (a%cost /= b%cost) then
             is_better = a%cost < b%cost
         else if (a%quality /= b%quality) then
             is_better = a%quality > b%quality
@@ -274,6 +282,9 @@ contains
         c%cost = cost
         c%quality = minval(m, mask=work%is_active)/max(tiny(1.0_wp), maxval(m, mask=work%is_active))
         c%row = i
+        associate (number => work%record%number(:, pivot%node))
+            c%has_both_signs = any(number > 0 .and. work%is_active) .and. any(number < 0 .and. work%is_active)
+        end associate
     end subroutine judge
 
     !> Operations to take one row out of another.
@@ -292,8 +303,8 @@ contains
         end do
     end function cost_of_target
 
-    !> None of the next columns has a pivot that is large enough everywhere: two rows into each other. With a and b in a column,
-    !> a row1 + b row2 has a a + b b there, and a row2 - b row1 nothing.
+    !> None of the next columns has a pivot that is large enough everywhere, and in between: two rows into each other. With a and
+    !> b in a column, a row1 + b row2 has a a + b b there, and a row2 - b row1 nothing.
     subroutine turn_rows(work, found)
         type(work_type), intent(inout) :: work
         logical, intent(out) :: found
@@ -367,6 +378,7 @@ contains
         call add_row(without, first, -b)
         call replace(i, with)
         call replace(j, without)
+        work%turned_for([i, j]) = [u, 0]
 
     contains
 
@@ -420,13 +432,16 @@ contains
         type(pivot_step), intent(out) :: step
         type(value), allocatable, intent(inout) :: watched(:)
         type(value) :: pivot, inverse, l
+        real(wp) :: growth
         integer :: k, t, n_target
         integer, allocatable :: targets(:)
 
         pivot = entry_of(work%row(i), u)
         inverse = reciprocal(pivot)
+        growth = largest_growth
+        if (work%turned_for(i) == u) growth = growth**2    ! a sum of squares, in a row that shrinks with their root
         if (.not. is_constant(pivot)) watched = [watched, inverse*constant( &
-            1/(largest_growth*maxval(size_of(work, inverse), mask=work%is_active)))]
+            1/(growth*maxval(size_of(work, inverse), mask=work%is_active)))]
         call drop_entry(work%row(i), u)
         n_target = work%column(u)%n - 1
         step%column = u
@@ -473,6 +488,7 @@ contains
             end if
         end do
         work%row(t)%right = work%row(t)%right - l*pivot_row%right
+        work%turned_for(t) = 0
         do k = 1, work%row(t)%n
             work%is_stale(work%row(t)%column(k)) = .true.
         end do

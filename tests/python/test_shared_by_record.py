@@ -110,7 +110,8 @@ def test_what_is_determined_is_not_touched(name: str) -> None:
     largest = np.abs(first).max()
     assert np.abs(first[:, determined]).max() > 1e-3 * largest
     assert np.abs(first - second).max() > 1e-3 * largest
-    np.testing.assert_allclose(first[:, determined], second[:, determined], rtol=0, atol=np.finfo(float).eps * largest)
+    # Two roundings: where rows are turned into each other (power split), entries are sums of two products, either of which may be fused.
+    np.testing.assert_allclose(first[:, determined], second[:, determined], rtol=0, atol=2 * np.finfo(float).eps * largest)
 
 
 @pytest.mark.parametrize("name", ["agile_eye", "planetary_gearbox", "tripteron"])
