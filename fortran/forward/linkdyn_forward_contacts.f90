@@ -27,27 +27,31 @@ contains
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
+    !> Where friction follows the reactions they are linear near by alone: `about` pushes that there are small ones beside these are taken.
     module procedure find_responses
-        real(wp), parameter :: much = 1.0e4_wp
-        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
+        real(wp), parameter :: much = 1.0e4_wp, little = 1.0e-6_wp
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
         real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
         integer :: k, i, turn, n
 
         n = size(factor, 2)
         factor = self%workspace%friction%factor(:, :n)
         if (is_impact) self%workspace%friction%factor(:, :n) = 0
-        push = 0
+        base = 0
+        if (present(about)) base = about
         response = 0
         of_coordinates = 0
-        call accelerate(self, push, at_rest)
+        call accelerate(self, base, at_rest)
         own = self%workspace%acceleration
         largest = maxval(abs(own), dim=2)
         do k = 1, size(push, 2)
             if (.not. any(is_in_contact(:, k))) cycle
             unit = 1
-            do turn = 1, 2
-                push = 0
-                push(:, k) = unit
+            if (present(about)) unit = little*maxval(abs(base), dim=2)
+            where (.not. unit > 0) unit = 1
+            do turn = 1, merge(1, 2, present(about))
+                push = base
+                push(:, k) = base(:, k) + unit
                 call accelerate(self, push, away)
                 do i = 1, size(push, 2)
                     response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
@@ -66,10 +70,13 @@ contains
     !> the workspace become those with it.
     module procedure hold_variables
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
-        integer, parameter :: most_turns = 20          !! friction in joints changes with what is pushed
-        real(wp), parameter :: enough = 1.0e-14_wp
+        integer, parameter :: n_far = 2                !! turns with responses to large pushes, mostly enough
+        integer, parameter :: most_turns = 30          !! friction in joints changes with what is pushed
+        real(wp), parameter :: enough = 1.0e-14_wp     !! of the pushes
+        real(wp), parameter :: rounding = 1.0e-9_wp    !! of them, if it gets no less any more
         real(wp), dimension(lanes, n_held(self%model)) :: push, away, change, wanted
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model))
+        real(wp), dimension(lanes) :: apart, part, part_before
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
         logical :: is_held(lanes, n_held(self%model)), rubs
         integer :: turn
@@ -82,16 +89,37 @@ contains
         call accelerate(self, push, away)
         wanted = 0
         if (holds_anywhere(self%clutch)) wanted(:, n_stop(self%model%scene) + 1:) = way_back(self, t)
+        apart = maxval(abs(wanted - away), dim=2, mask=is_held)
+        part_before = huge(1.0_wp)
         do turn = 1, merge(most_turns, n_turn, rubs)
+            if (turn > n_far) call find_responses(self, is_held, .false., response, of_coordinates, about=push)
             call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
             call accelerate(self, push, away)
-            if (turn >= n_turn .and. all(abs(change) <= enough*abs(push))) exit
+            part = maxval(abs(change), dim=2)/max(maxval(abs(push), dim=2), tiny(1.0_wp))
+            if (turn >= n_turn .and. all(part <= enough .or. (part >= part_before .and. part <= rounding))) exit
+            part_before = part
         end do
+        if (rubs) call flag_unheld()
         call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
         self%stops%push = push(:, :n_stop(self%model%scene))
         self%clutch%applied = self%clutch%rub + push(:, n_stop(self%model%scene) + 1:)
         self%clutch%force = self%clutch%applied
+
+    contains
+
+        !> Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
+        subroutine flag_unheld()
+            real(wp), parameter :: still = 1.0e-8_wp   !! of what the pushes take away
+            integer :: k
+
+            do k = 1, size(push, 2)
+                apart = max(apart, maxval(abs(response(:, :, k)), dim=2)*abs(push(:, k)))
+            end do
+            where (self%workspace%status == sample_ok .and. any(is_held, dim=2) &
+                   .and. .not. maxval(abs(wanted - away), dim=2, mask=is_held) <= still*apart) &
+                self%workspace%status = sample_not_converged
+        end subroutine flag_unheld
     end procedure hold_variables
 
     !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are

@@ -52,7 +52,7 @@ module linkdyn_forward_system
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
-    use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_branch_lost, sample_not_converged, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
     use linkdyn_whole_turns, only: with_turns
@@ -333,12 +333,13 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, about)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
+            real(wp), intent(in), optional :: about(:, :)  !! pushes that there are (lane, n_stop + n_clutch)
         end subroutine find_responses
 
         module subroutine hold_variables(self, t)

@@ -175,3 +175,26 @@ def test_what_is_refused() -> None:
         linkdyn.Scene(scene).inverse(t=[0.0], want=["driving_force"], error=True)
     with pytest.raises(linkdyn.InputError, match="solver 'reduced' has no reactions, which friction at joint 'J1' comes from"):
         linkdyn.Scene(scene).inverse(t=[0.0], solver="reduced", want=["driving_force"])
+
+
+def test_guides_that_stick_beside_each_other() -> None:
+    """A table in two guides that brake each other by their tilting moments: both hold what moves it, within what presses them."""
+    guides = {f"g{i}": {"at": at, "axis": [1, 0, 0]} for i, at in enumerate(([0, 0, 0], [0, 0.3, 0.1]))}
+    mu, length = (0.23, 0.24), (0.075, 0.04)
+    scene: dict[str, Any] = {
+        "space": "spatial", "gravity": [4.8, 7.1, 7.2], "frame": {"markers": guides},
+        "link": [{"name": "table", "markers": guides, "mass": 20.0, "cog": [0.04, 0.1, 0.06], "inertia": [4, 5, 3, 0.1, 0.2, -0.1]}],
+        "joint": [{"name": name, "type": "prismatic", "between": [f"frame.{name}", f"table.{name}"]} for name in guides],
+        "coordinate": [{"joint": "g0", "start": {"position": 0.0, "velocity": -0.1}}],
+        "actuator": [{"joint": "g0", "law": {"type": "constant", "value": 5.0}}],
+        "friction": [{"joint": name, "coulomb": mu[i], "length": length[i], "sticking": True} for i, name in enumerate(guides)]}
+    run = linkdyn.Scene(scene).forward(t=[0.0, 0.005, 0.0119], want="all")
+    assert not run.status.values.any()
+    assert abs(run.qd.values[1, 0]) > 0.01 and abs(run.qd.values[2, 0]) < 1e-15 and abs(run.qdd.values[2, 0]) < 1e-12
+    force = run.clutch_force.values[2]
+    np.testing.assert_allclose(force.sum(), -(20.0 * 4.8 + 5.0), rtol=1e-12)
+    for i in range(2):
+        across, tilt = run.reaction.values[2, i, 1:3], run.reaction.values[2, i, 4:6]
+        arm = np.array([tilt[1], -tilt[0]]) / length[i]    # M x a over the length, seen along y and z
+        press = np.linalg.norm(across / 2 + arm) + np.linalg.norm(across / 2 - arm)
+        assert abs(force[i]) <= mu[i] * press * (1 + 1e-11), i
