@@ -1,4 +1,4 @@
-"""Check the `use` lines of the Fortran sources against the order of the layers.
+"""Check the `use` lines of the Fortran sources against the order of the layers, and that what they name is used.
 
 Usage: check_layers.py [ROOT]
 
@@ -46,12 +46,30 @@ MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\
 USES = re.compile(r"^\s*use\b(?:\s*,\s*non_intrinsic)?\s*(?:::)?\s*(\w+)", re.I | re.M)
 BINDS = re.compile(r"\bbind\s*\(\s*c\s*,\s*name\s*=\s*[\"'](\w+)[\"']", re.I)
 SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)", re.I | re.M)
+IMPORTS = re.compile(r"^\s*use\b[^\n:]*?(?:::\s*)?(\w+)\s*,\s*only\s*:([^\n]*)$", re.M)
 
 
 def code_of(text: str) -> str:
     """The source without strings and comments, in lower case."""
     text = re.sub(r"\"[^\"\n]*\"|'[^'\n]*'", '""', text)
     return re.sub(r"!.*", "", text).lower()
+
+
+def idle_imports(text: str) -> list[str]:
+    """Names of `use` lines that occur nowhere else in the source; of operators those with a name of their own."""
+    text = re.sub(r"\"[^\"\n]*\"|'[^'\n]*'", '""', text).lower()
+    code = re.sub(r"&\s*(?:![^\n]*)?\n", " ", re.sub(r"!(?!\$)[^\n]*", "", text))     # OpenMP names things, too
+    rest = IMPORTS.sub("", code)
+    idle = []
+    for module, names in IMPORTS.findall(code):
+        for name in (name.split("=>")[0].strip() for name in names.split(",") if name.strip()):
+            word = name.removeprefix("operator(").removesuffix(")") if name.startswith("operator(.") else name
+            if word.startswith(("operator", "assignment")):
+                continue
+            found = word in rest if word.startswith(".") else re.search(rf"(?:\b|(?<=[\d.]_)){word}\b", rest)     # 1.0_wp
+            if not found:
+                idle.append(f"{name} of {module}")
+    return idle
 
 
 def read_sources(root: Path) -> dict[str, tuple[str, str]]:
@@ -81,6 +99,7 @@ def find_violations(root: Path) -> list[str]:
         for what, pattern, allowed in RESERVED:
             if re.search(pattern, code, re.M) and not any(fnmatch(file, form) for form in allowed):
                 violations.append(f"{file}: names {what}; only {', '.join(allowed)} may")
+        violations += [f"{file}: uses {name} nowhere" for name in idle_imports(text) if "include" not in code]
         for name in {name.lower() for name in BINDS.findall(text)} & layer_of.keys():
             violations.append(f"{file}: binds {name}, the name of a module: gfortran takes one for the other")
         modules = MODULE.findall(code)

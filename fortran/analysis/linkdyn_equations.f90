@@ -30,7 +30,7 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, is_dyad, drives_share, friction_is_shared
+    use linkdyn_model, only: model_type, drives_share, friction_is_shared
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &

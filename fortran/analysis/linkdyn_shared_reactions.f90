@@ -10,7 +10,6 @@
 !> The same look at the joints tells whether they fit at all: constraints that are redundant in theory gape if the geometry is not
 !> what makes them so. Such a sample is `unreachable`.
 module linkdyn_shared_reactions
-    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
     use linkdyn_elastic_links, only: list_arm_parts, wrench_on_arm, misfit_of

@@ -4,7 +4,7 @@
 !> of text. Each sample of a batch has a status of its own; results of one that is not 0 are NaN. Units are SI and radians.
 !> Lists are numbered from 1 here. The sample is the last dimension of every array.
 module linkdyn
-    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_loc, c_null_char, c_null_ptr, &
+    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_loc, c_null_char, c_null_ptr, &
         c_ptr, c_size_t
     implicit none (type, external)
     private

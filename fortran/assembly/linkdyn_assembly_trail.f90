@@ -19,7 +19,6 @@ module linkdyn_assembly_trail
     use linkdyn_dead_end, only: dead_end, is_end
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
@@ -31,8 +30,7 @@ module linkdyn_assembly_trail
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_stride, only: stride_type, make_stride, is_close
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
-    use linkdyn_threads, only: team_size
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_branch_lost
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private

@@ -9,7 +9,7 @@ module linkdyn_group_closing
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, run_kernel, set_rates
-    use linkdyn_model, only: model_type, group_type, part_type, orientation_of
+    use linkdyn_model, only: model_type, group_type, orientation_of
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_step_kernels, only: of_errors, of_velocities, of_accelerations, of_looks

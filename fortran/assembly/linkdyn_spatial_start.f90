@@ -3,7 +3,6 @@
 !>
 !> Of a CSP group a `branch` written at the spherical joint decides, otherwise the nearer way (`linkdyn_start_distance`).
 module linkdyn_spatial_start
-    use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes

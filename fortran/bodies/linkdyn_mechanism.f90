@@ -8,7 +8,7 @@ module linkdyn_mechanism
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, holds_spin, step_ups, side_of
+    use linkdyn_model, only: model_type, step_ups, side_of
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_scene, only: cam_spec

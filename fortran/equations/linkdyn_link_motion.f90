@@ -17,7 +17,7 @@ module linkdyn_link_motion
     use linkdyn_substitution, only: substitution, replace
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(+), operator(-), operator(*), &
-        operator(.rotate.), operator(.unrotate.)
+        operator(.unrotate.)
     implicit none (type, external)
     private
     public :: motion_number, motion_places, link_columns, place_motion, take_motion, take_columns, velocities_become

@@ -7,7 +7,6 @@ module linkdyn_explain_record
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_kernel, only: kernel_type, count_of
-    use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
     use linkdyn_recorded_rates, only: recorded_rates, free_rates

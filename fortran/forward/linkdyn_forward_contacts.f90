@@ -3,10 +3,12 @@
 !> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_equations, only: solve_again
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_status, only: sample_not_converged
     implicit none (type, external)
 
 contains

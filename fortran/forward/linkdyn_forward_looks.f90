@@ -1,6 +1,7 @@
 !> The ends of steps, seen by the scene's record: who judges a step, and who goes on from it, shares what has been seen once.
 submodule (linkdyn_forward_system) linkdyn_forward_looks
     use linkdyn_coordinate_watch, only: take_rates
+    use linkdyn_energy_check, only: note_record
     use linkdyn_followed_angles, only: follow_seen
     use linkdyn_forward_look, only: see_end, see_energies, seen_angles, is_seen
     use linkdyn_forward_record, only: accept_recorded

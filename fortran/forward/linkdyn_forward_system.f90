@@ -19,15 +19,13 @@ module linkdyn_forward_system
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
     use linkdyn_controllers, only: controllers_type, begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
-    use linkdyn_drive_laws, only: compares_motion
-    use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_energy_check, only: energy_check, weigh_energy, note_record, is_by_record, leave_turns_out, weigh_again, &
-        judge_steps, list_neighbours, find_surplus, compare_surplus
+    use linkdyn_energy_check, only: energy_check, weigh_energy, is_by_record, leave_turns_out, weigh_again, judge_steps, &
+        list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
-        renew_equations, free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
+        renew_equations, free_equations, prepare_workspace, want_of, solve_equations, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, leave_drives, free_drives
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_followed_angles, only: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, &
@@ -49,10 +47,10 @@ module linkdyn_forward_system
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
-    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
+    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
-    use linkdyn_status, only: status_type, sample_branch_lost, sample_not_converged, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
     use linkdyn_whole_turns, only: with_turns

@@ -1,6 +1,6 @@
 !> Joint variables that gears make of those of other joints: what these add once they are placed, and whether their turns are known.
 module linkdyn_led_variables
-    use linkdyn_bodies, only: world_axes, omega_of, alpha_of, point_acceleration
+    use linkdyn_bodies, only: world_axes, alpha_of, point_acceleration
     use linkdyn_joint_kind, only: marker_pair, axis_of
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, pair_of, marker_point, point_of_action, must_be_positive

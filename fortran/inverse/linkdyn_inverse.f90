@@ -7,7 +7,7 @@ module linkdyn_inverse
         reached_straight
     use linkdyn_catalogue, only: result_reaction, result_joint_variable, result_joint_rate
     use linkdyn_closing_programs, only: closing_programs
-    use linkdyn_equations, only: free_equations, solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, &
+    use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, &
         solver_gauss_jordan_plain, solver_name, choose_solver
     use linkdyn_failure, only: lost_in_words, failure_at, lock_in_words
     use linkdyn_group_motion, only: group_closer
@@ -27,7 +27,7 @@ module linkdyn_inverse
     use linkdyn_recorded_margins, only: recorded_margins
     use linkdyn_roads, only: road_counts
     use linkdyn_settled_samples, only: settle_samples
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_undefined
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private

@@ -5,7 +5,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
     use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_power_imbalance, result_position, result_rotation
     use linkdyn_constants, only: golden, least_accuracy
-    use linkdyn_equations, only: build_given_equations
+    use linkdyn_equations, only: build_given_equations, free_equations
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, in_payload
     use linkdyn_inverse_results, only: list_results, clear_measures
     use linkdyn_lock, only: hold_records, release_records
@@ -15,7 +15,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
     use linkdyn_recorded_margins, only: of_margins
     use linkdyn_representatives, only: need_poses, make_closer, few_links
     use linkdyn_samples, only: sample_arrays, result_list, set_block
-    use linkdyn_status, only: sample_singular
+    use linkdyn_status, only: sample_singular, sample_ok
     use linkdyn_uncertainty, only: is_surely_certain
     implicit none (type, external)
 

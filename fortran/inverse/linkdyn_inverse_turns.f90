@@ -3,6 +3,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_turns
     use linkdyn_catalogue, only: result_joint_rate, result_joint_variable
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_assembly_trail, only: begin_trail, reached_anew
+    use linkdyn_status, only: sample_ok
     use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
     implicit none (type, external)
 

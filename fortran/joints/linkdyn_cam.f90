@@ -6,7 +6,7 @@
 module linkdyn_cam
     use linkdyn_curve, only: curve_type
     use linkdyn_curve_values, only: curve_point_values
-    use linkdyn_joint_kind, only: joint_kind, marker_pair
+    use linkdyn_joint_kind, only: marker_pair
     use linkdyn_kinds, only: wp
     use linkdyn_partial_joints, only: loose
     use linkdyn_piecewise, only: piecewise_curve

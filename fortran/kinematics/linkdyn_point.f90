@@ -1,6 +1,5 @@
 !> Motion of a point fixed to a link: from the motion of the link's origin.
 module linkdyn_point
-    use linkdyn_kinds, only: wp
     use linkdyn_vec3, only: vec3, operator(+), operator(.cross.)
     implicit none (type, external)
     private

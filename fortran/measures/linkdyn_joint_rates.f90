@@ -14,7 +14,7 @@ module linkdyn_joint_rates
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_scene, only: coordinate_joint
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.), operator(.unrotate.)
+        operator(.rotate.)
     use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private

@@ -11,7 +11,7 @@ module linkdyn_alike_models
     use linkdyn_model, only: model_type
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
-    use linkdyn_scene, only: scene_type, measure_spec, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axis_at
+    use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axis_at
     use linkdyn_step_part, only: listed, letters_of, bits_of, curve_text
     implicit none (type, external)
     private

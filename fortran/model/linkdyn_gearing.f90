@@ -11,11 +11,11 @@
 !> trains, planetary ones too, stay open chains.
 module linkdyn_gearing
     use linkdyn_cross, only: cross
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_gear, joint_rack, joint_belt, is_geared, &
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_rack, joint_belt, is_geared, &
         joint_kind_name, joint_n_variable, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, belt_type, led_type, loose_type, scene_size
-    use linkdyn_scene, only: name_len, coordinate_joint
+    use linkdyn_scene, only: coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)

@@ -6,8 +6,8 @@ module linkdyn_laws
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
-    use linkdyn_scene, only: scene_type, law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
-        law_cycloidal, law_polynomial_345, law_harmonic, law_table
+    use linkdyn_scene, only: scene_type, law_spec, law_none, law_constant_rate, law_cycloidal_start, law_cycloidal, &
+        law_polynomial_345, law_harmonic, law_table
     use linkdyn_table, only: table_place, find_places, evaluate_table, interval_of
     implicit none (type, external)
     private

@@ -6,8 +6,8 @@ module linkdyn_payloads
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
-    use linkdyn_model, only: model_type, payload_type, link_type
-    use linkdyn_scene, only: payload_spec, payload_changes
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: payload_changes
     implicit none (type, external)
     private
     public :: take_payloads, evaluate_payloads, payload_is_input

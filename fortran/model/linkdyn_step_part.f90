@@ -7,7 +7,7 @@
 module linkdyn_step_part
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, group_type, led_type, part_type, step_group, step_pose, step_ups, is_dyad, &
+    use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_pose, step_ups, is_dyad, &
         gives_attitude, leads_within, orientation_of
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose

@@ -7,8 +7,8 @@ module linkdyn_c_body
         op_minimum, op_maximum, op_absolute, op_select, op_whole, op_piece, op_nearest, op_farthest
     use linkdyn_piecewise, only: piecewise_curve, curve_of, which_of
     use linkdyn_schedule, only: op_multiply_add, op_multiply_subtract, op_subtract_product
-    use linkdyn_straight_line, only: straight_line, statement_type, operand_type, make_straight_line, part_of, from_input, &
-        from_constant, from_statement
+    use linkdyn_straight_line, only: straight_line, operand_type, make_straight_line, part_of, from_input, from_constant, &
+        from_statement
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private

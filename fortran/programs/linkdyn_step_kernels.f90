@@ -32,7 +32,7 @@ module linkdyn_step_kernels
         free_scene_program, free_program_space
     use linkdyn_step_part, only: step_part, take_step
     use linkdyn_system, only: system_type, list_rows
-    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), abs, sqrt, reciprocal, sin, cos, atan2
+    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal, sin, cos, atan2
     use linkdyn_vector, only: vector, rotation, components, operator(.dot.), operator(.cross.), operator(.unrotate.)
     implicit none (type, external)
     private

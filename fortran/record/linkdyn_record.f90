@@ -6,7 +6,7 @@
 !>
 !> One record a thread is open at a time; the operators of `linkdyn_value` write to it.
 module linkdyn_record
-    use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer, c_associated
+    use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer
     use, intrinsic :: iso_fortran_env, only: int64, real128
     use linkdyn_kinds, only: wp
     use linkdyn_operation, only: operate, is_look_up, op_constant, op_input, op_unknown

@@ -1,6 +1,5 @@
 !> The key `brake` of a drive.
 module linkdyn_scene_brakes
-    use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, switch_spec, brake_spec, name_len
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
         require_table

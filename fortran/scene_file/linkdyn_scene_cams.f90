@@ -3,8 +3,7 @@ module linkdyn_scene_cams
     use linkdyn_constants, only: two_pi
     use linkdyn_curve, only: make_polar_curve, make_curve, curvature_range
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: joint_spec, cam_spec, joint_cam, joint_kind_name, table_spec, follower_point, follower_roller, &
-        follower_flat, follower_name
+    use linkdyn_scene, only: joint_spec, cam_spec, joint_cam, joint_kind_name, follower_roller, follower_flat, follower_name
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_word, &
         get_text, list_of, counted
     use linkdyn_scene_laws, only: table_shelf, take_table, column_in_si

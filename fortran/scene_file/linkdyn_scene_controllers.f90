@@ -3,9 +3,9 @@ module linkdyn_scene_controllers
     use linkdyn_constants, only: two_pi
     use linkdyn_expression, only: measured_value
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, controller_spec, measure_spec, law_spec, name_len, measure_time, measure_joint, &
-        measure_spring, coordinate_joint, law_none, law_over, drive_controlled, is_sampled, &
-        side_joint, side_torque, side_voltage, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
+    use linkdyn_scene, only: scene_type, controller_spec, measure_spec, name_len, measure_time, measure_joint, measure_spring, &
+        coordinate_joint, law_none, law_over, drive_controlled, is_sampled, side_joint, side_torque, side_voltage, feed_law, &
+        feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, counted, get_quantity, get_name, &

@@ -9,7 +9,7 @@ module linkdyn_scene_gears
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     use linkdyn_toml, only: toml_node
-    use linkdyn_units, only: quantity_type, plain_number, length, angle, stiffness, damping, force
+    use linkdyn_units, only: plain_number, length, angle, stiffness, damping, force
     implicit none (type, external)
     private
     public :: read_wheels, gear_key

@@ -1,15 +1,14 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
     use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic, joint_cam
-    use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: share_by_stiffness, scene_type, joint_spec, frame_link, joint_kind_name, joint_n_variable, &
         variable_name
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, length, angle, stiffness, angular_stiffness
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        get_quantity, get_vector, quantity_of, get_name, get_word, get_integer
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse_value, refuse_missing, allow_keys, get_quantity, get_vector, &
+        quantity_of, get_name, get_word, get_integer
     use linkdyn_scene_cams, only: read_cam, cam_key
     use linkdyn_scene_gears, only: read_wheels, gear_key
     use linkdyn_scene_laws, only: table_shelf

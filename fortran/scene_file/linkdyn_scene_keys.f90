@@ -6,7 +6,7 @@ module linkdyn_scene_keys
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: name_len, path_len, source_shelf
-    use linkdyn_toml, only: toml_node, toml_string, toml_table, toml_array
+    use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type
     use linkdyn_variables, only: variable_table, quantity_of_text
     use linkdyn_suggest, only: suggestion

@@ -4,13 +4,12 @@ module linkdyn_scene_motion
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
-    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, name_len, frame_link, coordinate_joint, &
-        pose_position, pose_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, &
-        variable_name, joint_revolute, law_none, law_constant, law_table
+    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, frame_link, coordinate_joint, pose_position, &
+        pose_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, variable_name, law_table
     use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
-    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, get_quantity, quantity_of, get_vector, get_flag, text_of
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, allow_keys, require_table, &
+        get_quantity, quantity_of, get_vector, get_flag, text_of
     use linkdyn_scene_attitudes, only: attitude_key, get_attitude, has_quaternions, quaternion_laws
     use linkdyn_scene_names, only: find_link, find_joint, find_variable, find_marker
     use linkdyn_scene_joints, only: variable_quantity

@@ -2,8 +2,8 @@
 module linkdyn_scene_names
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
-    use linkdyn_scene, only: scene_type, link_spec, marker_spec, name_len, frame_link, joint_n_variable, &
-        joint_kind_name, variable_name, n_holding
+    use linkdyn_scene, only: scene_type, link_spec, name_len, frame_link, joint_n_variable, joint_kind_name, variable_name, &
+        n_holding
     use linkdyn_toml, only: toml_node
     use linkdyn_suggest, only: suggestion
     use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, get_name, text_of

@@ -8,7 +8,7 @@ module linkdyn_scene_parameters
     use linkdyn_scene_keys, only: scene_place, refuse
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
-    use linkdyn_sweep_spec, only: axis_spec, axis_parameter, multiply_by, add_to, operation_name
+    use linkdyn_sweep_spec, only: axis_spec, axis_parameter, multiply_by, add_to
     use linkdyn_text, only: quoted, to_text
     use linkdyn_toml, only: toml_node, toml_table, toml_array, toml_string
     use linkdyn_input, only: number_length, put_number

@@ -5,7 +5,7 @@
 module linkdyn_scene_reader
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
-    use linkdyn_text, only: to_text, join
+    use linkdyn_text, only: to_text
     use linkdyn_scene, only: share_name, share_refused, scene_type, source_spec, source_shelf, path_len, law_none
     use linkdyn_laws, only: evaluate_law
     use linkdyn_toml, only: toml_document, free_toml

@@ -7,12 +7,11 @@ module linkdyn_scene_slots
     use linkdyn_joint_table, only: n_joint_kind
     use linkdyn_scene, only: scene_type, joint_spec, marker_spec, joint_kind_name, joint_prismatic, joint_revolute, &
         joint_spherical, name_len
-    use linkdyn_scene_keys, only: scene_place, refuse_value, require_name, text_of, get_name
+    use linkdyn_scene_keys, only: scene_place, require_name, text_of, get_name
     use linkdyn_scene_links, only: new_marker, add_marker
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
-    use linkdyn_toml, only: toml_node
     implicit none (type, external)
     private
     public :: joint_word, slot_word, count_slots, make_blocks, split_slot

@@ -8,9 +8,8 @@ module linkdyn_scene_state_laws
     use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, &
-        measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
-        measure_tilt, law_over, law_table
+    use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, measure_time, &
+        measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, measure_tilt, law_over
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of

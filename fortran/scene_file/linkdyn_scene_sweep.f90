@@ -2,8 +2,7 @@
 module linkdyn_scene_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over, has_limits, joint_cam, &
-        guide_of
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, law_over, has_limits, joint_cam, guide_of
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
@@ -16,12 +15,11 @@ module linkdyn_scene_sweep
     use linkdyn_sweep_plan, only: longest_table
     use linkdyn_sweep_spec, only: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec, axis_coordinate, axis_rate, &
         axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
-        sampling_sobol, sampling_name, set_value, multiply_by, operation_name, quantity_name, n_quantity, axis_name_len, &
-        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
-        quantity_torque_margin, &
-        quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
-        quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, &
-        quantity_moment_amplification, quantity_swing, quantity_clearance, quantity_contact_force, quantity_pressure_angle
+        sampling_sobol, sampling_name, set_value, multiply_by, operation_name, quantity_name, n_quantity, quantity_motor_torque, &
+        quantity_motor_speed, quantity_motor_power, quantity_motor_current, quantity_torque_margin, quantity_driving_force, &
+        quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, &
+        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_swing, &
+        quantity_clearance, quantity_contact_force, quantity_pressure_angle
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &

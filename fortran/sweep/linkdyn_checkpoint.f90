@@ -11,7 +11,7 @@ module linkdyn_checkpoint
     use linkdyn_mix, only: hash_text
     use linkdyn_output_file, only: output_file, open_output, write_text, finish_text
     use linkdyn_path, only: path_exists
-    use linkdyn_scene, only: scene_type, law_spec
+    use linkdyn_scene, only: law_spec
     use linkdyn_spool, only: spool_mark
     use linkdyn_status, only: status_type, fail, status_bad_input, status_io_error
     use linkdyn_sweep, only: sweep_run

@@ -7,7 +7,6 @@ module linkdyn_sweep
     use linkdyn_equation_kernels, only: found_family, end_family
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
-    use linkdyn_lane_count, only: lanes
     use linkdyn_scene, only: scene_type, put_file_first, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk, ready_design
@@ -21,7 +20,7 @@ module linkdyn_sweep
         quantity_torque_margin, &
         quantity_clearance, quantity_force_amplification, quantity_moment_amplification
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: quoted
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private

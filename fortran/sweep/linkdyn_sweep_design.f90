@@ -9,7 +9,7 @@ module linkdyn_sweep_design
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
-    use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures, belongs_to_pose
+    use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_plan, only: sweep_plan, axis_values

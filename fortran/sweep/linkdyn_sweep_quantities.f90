@@ -1,6 +1,5 @@
 !> The scalars of one sample that a sweep reduces, in one row: which quantities, how many entries each, of what unit.
 module linkdyn_sweep_quantities
-    use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_actuator, dim_joint, &
         dim_component, dim_variable, dim_motor, dim_cam
     use linkdyn_scene, only: scene_type, joint_universal, joint_spherical

@@ -11,12 +11,12 @@ module linkdyn_sweep_results
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_chunk, only: ready_design, look_at_samples
     use linkdyn_sweep_design, only: sweep_design, close_design
-    use linkdyn_sweep_map, only: sweep_map, is_least
+    use linkdyn_sweep_map, only: is_least
     use linkdyn_sweep_plan, only: axis_values
     use linkdyn_sweep_quantities, only: quantity_type
-    use linkdyn_sweep_spec, only: axis_coordinate, axis_parameter, quantity_name, quantity_driving_power, &
-        quantity_force_amplification, quantity_moment_amplification, quantity_determinant, sampling_name
-    use linkdyn_sweep_totals, only: totals_type, code_no_model, first_bound
+    use linkdyn_sweep_spec, only: axis_coordinate, axis_parameter, quantity_name, quantity_force_amplification, &
+        quantity_moment_amplification, quantity_determinant, sampling_name
+    use linkdyn_sweep_totals, only: code_no_model, first_bound
     implicit none (type, external)
     private
     public :: sweep_dataset, kept_variables, code_names

@@ -5,7 +5,7 @@ module linkdyn_test_numbers
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_vec3, only: vec3, mat3
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
     public :: random_stream, random_walk, eps

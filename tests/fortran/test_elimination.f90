@@ -11,7 +11,7 @@ module test_elimination
     use linkdyn_record, only: record_type, open_record, close_record, new_input
     use linkdyn_system, only: system_type, unknown, require, solve, solved
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
-    use linkdyn_value, only: value, constant, zero, operator(+), operator(-), operator(*), sin, cos, square
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sin, cos, square
     implicit none (type, external)
     private
     public :: collect_elimination

@@ -4,8 +4,8 @@ module test_laws
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
-    use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
-        law_cycloidal, law_polynomial_345, law_harmonic, law_table
+    use linkdyn_scene, only: law_spec, law_none, law_constant, law_cycloidal_start, law_cycloidal, law_polynomial_345, &
+        law_harmonic, law_table
     use linkdyn_laws, only: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, have_same_course, &
         law_end, law_kinks
     use linkdyn_spline, only: fit_spline

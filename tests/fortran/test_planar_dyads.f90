@@ -10,7 +10,7 @@ module test_planar_dyads
     use linkdyn_scene, only: scene_type, joint_prismatic
     use linkdyn_status, only: status_type
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
-    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.rotate.), operator(.cross.), lane_of
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.rotate.), operator(.cross.)
     implicit none (type, external)
     private
     public :: collect_planar_dyads

@@ -6,10 +6,10 @@ module test_planner
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_pose, step_joint, step_ups
     use linkdyn_planner, only: mobility_of
-    use linkdyn_scene, only: scene_type, joint_revolute, joint_spherical
+    use linkdyn_scene, only: scene_type, joint_spherical
     use linkdyn_status, only: status_type, status_bad_input
-    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene, new_scene, add_link, add_joint, &
-        add_joint_coordinates, add_actuator
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene, new_scene, add_joint, &
+        add_joint_coordinates
     use linkdyn_testing, only: test_error, unit_test, new_test, check
     use linkdyn_text, only: to_text
     implicit none (type, external)

@@ -5,7 +5,7 @@ module test_pose
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rotation_about_x, &
         rotation_about_z
     use linkdyn_test_numbers, only: random_stream, eps, stencil, difference_step, difference_error, skew_part
-    use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_testing, only: test_error, unit_test, new_test, check_close
     use linkdyn_vec3, only: lane_of, mat3_lane
     implicit none (type, external)
     private

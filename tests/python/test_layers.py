@@ -19,11 +19,13 @@ def test_sources_keep_the_order() -> None:
 @pytest.mark.parametrize(
     ("layer", "line", "complaint"),
     [
-        ("core", "use linkdyn_upper, only: x", "core lies below assembly"),
-        ("integrate", "use linkdyn_upper, only: x", "integrate lies below assembly"),
-        ("model", "use linkdyn_nowhere, only: x", "which no source defines"),
-        ("model", "use netcdf, only: nf90_open", "the netCDF library"),
-        ("model", "use, intrinsic :: iso_c_binding, only: c_int", "C kinds"),
+        ("core", "use linkdyn_upper", "core lies below assembly"),
+        ("integrate", "use linkdyn_upper", "integrate lies below assembly"),
+        ("model", "use linkdyn_nowhere", "which no source defines"),
+        ("model", "use netcdf", "the netCDF library"),
+        ("model", "use, intrinsic :: iso_c_binding", "C kinds"),
+        ("output", "use linkdyn_upper, only: x, &  ! a comment\n        y, operator(.dot.)\n    z = x .dot. x", "uses y of linkdyn_upper nowhere"),
+        ("output", "use linkdyn_upper, only: wp\n    ! wp\n    x = 'wp' + wp2", "uses wp of linkdyn_upper nowhere"),
         ("lanes", "real(wp), parameter :: third = 3.0d-1", "real kinds"),
         ("linalg", "call dgesvx(a)", "LAPACK"),
         ("analysis", "call get_command_argument(1, name)", "the command line"),
@@ -46,4 +48,12 @@ def test_text_and_comments_are_no_breach(tmp_path: Path) -> None:
     path.parent.mkdir(parents=True)
     path.write_text('module linkdyn_words\n    ! use netcdf\n    x = "stop 1.0d0"\nend module linkdyn_words\n',
                     encoding="utf-8")
+    assert check_layers.find_violations(tmp_path) == []
+
+
+def test_kinds_and_directives_are_uses(tmp_path: Path) -> None:
+    path = tmp_path / "fortran" / "core" / "linkdyn_words.f90"
+    path.parent.mkdir(parents=True)
+    lines = ["use linkdyn_words, only: wp, n_thread => team, wp2", "x = 1.0_wp + 2._wp2", "!$omp parallel num_threads(n_thread)"]
+    path.write_text("module linkdyn_words\n" + "\n".join(lines) + "\nend module linkdyn_words\n", encoding="utf-8")
     assert check_layers.find_violations(tmp_path) == []
