@@ -15,6 +15,7 @@ module linkdyn_builder
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: have_same_course
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_mesh_losses, only: shape_meshes
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
     use linkdyn_model, only: model_type, take_motors, link_type, joint_type, leg_type, step_type, by_nothing, by_markers, by_fit, &
@@ -230,6 +231,7 @@ contains
         call plan_links(model, status, closed_forms, like, holds_alike)
         if (status%is_ok()) call refuse_uncounted_belts(model, status)
         if (status%is_ok()) call refuse_pushed_apart(model, status)
+        if (status%is_ok()) call shape_meshes(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call list_legs(model)
         call choose_strides(model)

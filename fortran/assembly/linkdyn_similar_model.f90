@@ -6,7 +6,7 @@
 !> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_contact, only: list_contacts, is_turning
+    use linkdyn_contact, only: list_contacts, is_turning, form_mesh
     use linkdyn_curve, only: scale_curve
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
@@ -103,6 +103,12 @@ contains
             end associate
         end do
         call list_contacts(similar%scene, similar%contact)
+        do i = 1, size(model%contact)
+            if (model%contact(i)%form /= form_mesh) cycle
+            similar%contact(i)%radius = scale*model%contact(i)%radius
+            similar%contact(i)%slant = model%contact(i)%slant
+            similar%contact(i)%back = model%contact(i)%back
+        end do
         do i = 1, model%n_q
             ! Angles have no size: they differ in the last place instead.
             own_scale = coordinate_scale(model, i, scale)
@@ -151,6 +157,7 @@ contains
                 similar%gear(i)%couple = scale*model%gear(i)%couple
                 similar%gear(i)%total = scale*model%gear(i)%total
                 similar%gear(i)%radius = scale*model%gear(i)%radius
+                similar%gear(i)%curvature = model%gear(i)%curvature/scale
                 similar%gear(i)%pitch = scale*model%gear(i)%pitch
                 if (spec%kind == joint_belt) scaled%wheel = scale*spec%wheel
                 if (spec%kind == joint_rack) scaled%phase = scale*spec%phase

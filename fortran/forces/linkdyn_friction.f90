@@ -4,14 +4,14 @@ module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_bodies, only: world_axes, omega_of
     use linkdyn_contact, only: contact_type, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
-        form_thread, form_plate, form_cam
+        form_thread, form_plate, form_cam, form_mesh
     use linkdyn_cam, only: cam
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_variables, only: joint_rates, move_pair
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, pair_of
-    use linkdyn_value, only: value, constant, zero, is_zero, abs, sqrt, square, max, select, operator(+), &
-        operator(-), operator(*)
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, pair_of, wheel_wrench
+    use linkdyn_value, only: value, constant, zero, one, is_zero, abs, sqrt, square, max, select, operator(+), &
+        operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.cross.)
     implicit none (type, external)
@@ -26,6 +26,7 @@ module linkdyn_friction
         type(vector) :: turn                   !! and relative angular velocity [rad/s]
         type(vector) :: arm                    !! from the second link's marker to where the force acts [m]
         type(value) :: square                  !! of the speed of the surfaces [m2/s2]
+        type(value) :: way                     !! of teeth: 1 where a force on the second wheel above zero drives it, -1 where it brakes it
     end type contact_motion
 
 contains
@@ -58,9 +59,10 @@ contains
                 motion%arm = zero_vector()
                 if (contact%form == form_cam) then
                     call pass_cam(mechanism, contact%joint, motion)
-                else if (contact%form == form_ball) then
+                else if (contact%form == form_ball .or. contact%form == form_mesh) then
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+                    if (contact%form == form_mesh) motion%way = way_of_power(mechanism, i)
                 else
                     motion%turning = bodies%body(link(contact%side))%turning
                     frame = told_marker_frame(mechanism, contact%joint, contact%side)
@@ -86,6 +88,26 @@ contains
             motion%square = contact%pass**2*(motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
         end associate
     end subroutine move_contact
+
+    !> Which way power flows through teeth whose force is above zero: by how the first wheel turns in the carrier.
+    function way_of_power(mechanism, i) result(way)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: way
+        type(vector) :: force, couple, spin
+        integer :: g, carrier
+
+        way = one()
+        associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
+            if (contact%slant == contact%back) return  ! it does not matter
+            g = mechanism%model%joint(contact%joint)%gear
+            carrier = mechanism%model%gear(g)%carrier
+            call wheel_wrench(mechanism, g, 1, force, couple)
+            spin = omega_of(bodies, mechanism%model%joint(contact%joint)%link(1), world_axes) &
+                   - omega_of(bodies, carrier, world_axes)
+            way = select(turned(bodies, couple, bodies%body(carrier)%turning, 0) .dot. spin, one(), -one())
+        end associate
+    end function way_of_power
 
     !> How a follower passes its cam where both touch: the velocity of the one against the other, of a roller that with which it rolls.
     subroutine pass_cam(mechanism, j, motion)
@@ -172,6 +194,10 @@ contains
 
         press = zero()
         associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
+            if (contact%form == form_mesh) then
+                press(7) = motion%way*force_of_teeth(mechanism, mechanism%model%joint(contact%joint)%gear, reaction)
+                return
+            end if
             if (contact%form == form_ball .or. contact%form == form_cam) then
                 press(1:3) = components(reaction%force)
                 return
@@ -197,6 +223,21 @@ contains
         end associate
     end function pressing_parts
 
+    !> The force along the pitch circles, from the reaction of a gear or rack.
+    function force_of_teeth(mechanism, g, reaction) result(size)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: g
+        type(acting_type), intent(in) :: reaction
+        type(value) :: size
+        type(vector) :: direction, couple
+
+        call wheel_wrench(mechanism, g, 2, direction, couple)
+        associate (bodies => mechanism%bodies, carrier => mechanism%model%gear(g)%carrier)
+            size = (direction .dot. turned(bodies, reaction%force, reaction%turning, bodies%body(carrier)%turning)) &
+                   /(direction.dot.direction)
+        end associate
+    end function force_of_teeth
+
     !> The force that presses, from what a contact feels.
     function pressing_force(mechanism, i, press) result(force)
         type(mechanism_type), intent(in) :: mechanism
@@ -204,7 +245,13 @@ contains
         type(value), intent(in) :: press(n_press)      !! [N]
         type(value) :: force
 
-        force = size_of(press(1:3)) + size_of(press(4:6)) + abs(press(7)) + mechanism%model%contact(i)%preload
+        associate (contact => mechanism%model%contact(i))
+            if (contact%form == form_mesh) then
+                force = (0.5_wp*(contact%slant + contact%back))*abs(press(7)) + (0.5_wp*(contact%slant - contact%back))*press(7)
+            else
+                force = size_of(press(1:3)) + size_of(press(4:6)) + abs(press(7)) + contact%preload
+            end if
+        end associate
     end function pressing_force
 
     function size_of(v) result(s)

@@ -138,8 +138,8 @@ contains
         do i = 1, size(model%contact)
             associate (c => model%contact(i))
                 text = text//" contact"//listed([c%joint, c%form, c%side]) &
-                       //bits_of([c%creep_speed, c%radius, c%length, c%preload, c%pitch, c%slant, c%pass, c%slide_damping, &
-                                c%turn_damping])
+                       //bits_of([c%creep_speed, c%radius, c%length, c%preload, c%pitch, c%slant, c%back, c%pass, &
+                                c%slide_damping, c%turn_damping])
             end associate
         end do
     end function surfaces_text

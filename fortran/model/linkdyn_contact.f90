@@ -9,17 +9,20 @@
 !>
 !> which takes the power c N V^2. A cam's roller turns about a pin of the radius r, that slides at r/R of the speed with which the
 !> roller passes the cam: its friction is felt where both touch, as r/R of the force there. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
+!>
+!> Teeth slide as their wheels turn against each other, w: friction is a couple between these, and what presses is in proportion to the
+!> force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`).
 module linkdyn_contact
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_planar, joint_screw, joint_cam
+        joint_planar, joint_screw, joint_cam, joint_gear, joint_rack
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
     private
     public :: contact_type, list_contacts, is_turning, friction_of_speed, sliding_coefficient, lever_of, n_press, pressing, &
         pressing_slope, has_settled, most_rounds
-    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam
+    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
     integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
@@ -31,6 +34,7 @@ module linkdyn_contact
     integer, parameter :: form_drive = 8     !! a gear or screw between motor and joint, on lanes only (`linkdyn_transmission_losses`)
 
     integer, parameter :: form_cam = 9       !! where a cam is touched; of a roller the pin about which it turns
+    integer, parameter :: form_mesh = 10     !! teeth of two wheels, or of a wheel and a rack
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
@@ -48,7 +52,9 @@ module linkdyn_contact
         real(wp) :: length = 0                !! between the ends [m]; 0: it has one
         real(wp) :: preload = 0               !! [N]
         real(wp) :: pitch = 0                 !! of a thread [m/rad]
-        real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis
+        real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis; of teeth over that along the
+                                              !! pitch circles, while the first wheel drives
+        real(wp) :: back = 1                  !! the same while the second does
         real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it
         real(wp) :: slide_damping = 0         !! [N s/m]
         real(wp) :: turn_damping = 0          !! [N m s]
@@ -119,6 +125,9 @@ contains
                 if (friction%radius > 0) one%pass = friction%radius/scene%joint(friction%joint)%cam%radius
                 one%radius = 0
                 one%turn_damping = 0
+                contact = [one]
+            case (joint_gear, joint_rack)
+                one%form = form_mesh
                 contact = [one]
             case default
                 allocate (contact(0))
@@ -199,6 +208,8 @@ contains
 
         if (contact%form == form_drive) then
             pressing = merge(contact%coulomb, -contact%static, press(7) > 0)*press(7)
+        else if (contact%form == form_mesh) then
+            pressing = merge(contact%slant, -contact%back, press(7) > 0)*press(7)
         else
             pressing = contact%preload + norm2(press(1:3)) + norm2(press(4:6)) + abs(press(7))
         end if
@@ -215,5 +226,6 @@ contains
         slope(7) = 0
         if (abs(press(7)) > 0) slope(7) = sign(1.0_wp, press(7))
         if (contact%form == form_drive) slope(7) = merge(contact%coulomb, -contact%static, press(7) > 0)
+        if (contact%form == form_mesh) slope(7) = slope(7)*merge(contact%slant, contact%back, press(7) > 0)
     end function pressing_slope
 end module linkdyn_contact

@@ -236,6 +236,7 @@ contains
             do side = 1, 2
                 call add_way(model, ways(side), gear%carrier, power(side), gear%weight)
             end do
+            if (joint%kind /= joint_belt) gear%curvature = curvatures(wheel, power, joint%kind == joint_rack)
             gear%second = power(2)
             gear%total = power(2)*model%scene%joint(j)%phase
         end associate
@@ -257,6 +258,22 @@ contains
             end associate
         end function motion_of
     end subroutine plan_gear
+
+    !> Of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one against the other.
+    pure function curvatures(wheel, power, is_rack) result(c)
+        type(wheel_type), intent(in) :: wheel(2)
+        real(wp), intent(in) :: power(2)           !! of a unit force for unit rates
+        logical, intent(in) :: is_rack             !! the second does not turn
+        real(wp) :: c(2)
+        real(wp) :: spin(3, 2), along(3)
+
+        spin(:, 1) = -wheel(1)%axis/power(1)
+        spin(:, 2) = 0
+        if (.not. is_rack) spin(:, 2) = wheel(2)%axis/power(2)
+        along = spin(:, 2) - spin(:, 1)
+        along = along/norm2(along)
+        c = [-dot_product(along, spin(:, 1)), dot_product(along, spin(:, 2))]
+    end function curvatures
 
     !> "gear", "rack", "belt".
     function what(model, j) result(text)

@@ -434,7 +434,7 @@ module linkdyn_scene
     !> Friction in a joint: of what its reaction presses together. See `linkdyn_contact`.
     type :: friction_spec
         integer :: joint = 0
-        real(wp) :: coulomb = 0                   !! coefficient where it slides fast
+        real(wp) :: coulomb = 0                   !! coefficient where it slides fast; of teeth with an efficiency 1
         real(wp) :: static = 0                    !! coefficient where it begins to slide
         real(wp) :: stribeck_speed = 0            !! of the surfaces, over which the one falls to the other [m/s]; 0: they are equal
         real(wp) :: creep_speed = 0               !! of the surfaces, below which friction goes to zero [m/s]
@@ -443,6 +443,7 @@ module linkdyn_scene
         real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
         real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
         real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
+        real(wp) :: efficiency = 0                !! of teeth: what comes out of power that goes in; 0: friction makes it
         logical :: sticks = .false.               !! in forward dynamics it holds what rests, and nothing is smoothed
         integer :: line = 0
     end type friction_spec

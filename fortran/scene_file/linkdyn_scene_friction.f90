@@ -1,7 +1,7 @@
 !> The tables [[friction]] of a scene file.
 module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
-    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, is_geared
+    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name, follower_roller
@@ -58,12 +58,16 @@ contains
         if (.not. status%is_ok()) return
         associate (joint => scene%joint(friction%joint))
             place%what = "friction at joint "//quoted(joint%name)
-            if (joint%kind == joint_fixed .or. is_geared(joint%kind)) call refuse_value(place, "joint", &
+            if (joint%kind == joint_gear .or. joint%kind == joint_rack) then
+                call read_mesh(place, joint%kind, friction, status)
+                return
+            end if
+            if (joint%kind == joint_fixed .or. joint%kind == joint_belt) call refuse_value(place, "joint", &
                 place%node%get("joint"), "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs " &
                 //"(expected one that turns or slides)", &
                 status)
             call allow_keys(place, [character(len=key_len) :: "joint", "coulomb", "static", "stribeck_speed", "creep_speed", &
-                "viscous", "radius", "length", "collar", "preload", "sticking"], status)
+                "viscous", "radius", "length", "collar", "preload", "sticking", "efficiency"], status)
             call refuse_foreign_keys(place, joint%kind, scene%planar, status)
             call read_coefficients(place, friction, has_coulomb, has_static, has_speed, status)
             viscosity = damping
@@ -95,6 +99,36 @@ contains
         end associate
     end subroutine read_friction
 
+    !> What teeth lose: by their efficiency, or by how they rub.
+    subroutine read_mesh(place, kind, friction, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: kind
+        type(friction_spec), intent(inout) :: friction
+        type(status_type), intent(inout) :: status
+        logical :: has_coulomb, has_static, has_speed, has_efficiency
+
+        call allow_keys(place, [character(len=key_len) :: "joint", "efficiency", "coulomb", "static", "stribeck_speed", &
+                                "creep_speed"], status)
+        call read_coefficients(place, friction, has_coulomb, has_static, has_speed, status)
+        call read_size(place, "efficiency", plain_number, friction%efficiency, has_efficiency, status)
+        if (.not. status%is_ok()) return
+        if (has_efficiency .and. has_coulomb) then
+            call refuse_value(place, "efficiency", place%node%get("efficiency"), &
+                              "says what 'coulomb' says (expected one of both)", status)
+        else if (has_efficiency .and. .not. (friction%efficiency > 0 .and. friction%efficiency <= 1)) then
+            call refuse_value(place, "efficiency", place%node%get("efficiency"), "= "//to_text(friction%efficiency)// &
+                              " (expected above 0 to 1)", status)
+        else if (has_efficiency) then
+            friction%coulomb = 1                       ! of what is lost
+            friction%static = 1
+        else if (.not. has_coulomb) then
+            call refuse(place, "missing key 'efficiency' or 'coulomb' (expected one of both)", status)
+        else if (kind == joint_rack) then
+            call refuse_value(place, "coulomb", place%node%get("coulomb"), "needs teeth, whose number a rack does not tell "// &
+                              "(expected 'efficiency')", status)
+        end if
+    end subroutine read_mesh
+
     !> What a kind of joint has not.
     subroutine refuse_foreign_keys(place, kind, planar, status)
         type(scene_place), intent(in) :: place
@@ -106,6 +140,7 @@ contains
         if (any(kind == [joint_spherical, joint_planar, joint_cam])) call refuse_key("length", "no two ends that take a moment")
         if (kind == joint_revolute .and. planar) call refuse_key("length", "no tilting moment in a plane")
         if (kind == joint_prismatic .and. planar) call refuse_key("radius", "no moment about its axis in a plane")
+        call refuse_key("efficiency", "no teeth")
 
     contains
 

@@ -819,7 +819,8 @@ class Builder:
     def friction(
         self, joint: str | Joint, *, coulomb: Quantity | None = None, radius: Quantity | None = None, length: Quantity | None = None,
         collar: Quantity | None = None, preload: Quantity | None = None, static: Quantity | None = None, stribeck_speed: Quantity | None = None,
-        viscous: Quantity | None = None, creep_speed: Quantity | None = None, sticking: bool | None = None, repeat: int | None = None,
+        viscous: Quantity | None = None, creep_speed: Quantity | None = None, sticking: bool | None = None, efficiency: Quantity | None = None,
+        repeat: int | None = None,
     ) -> None:  # fmt: skip
         """Friction in a joint, made by its own reaction.
 
@@ -841,6 +842,8 @@ class Builder:
             Speed below which friction goes to zero [m/s].
         sticking
             True: in forward runs it holds what rests, as a `clutch` does.
+        efficiency
+            Of the teeth of a gear or rack, instead of `coulomb`.
         repeat
             Copies.
         """
