@@ -5,6 +5,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_equations, only: solve_again
     use linkdyn_followed_angles, only: angles_about
+    use linkdyn_friction_state, only: pressing_forces
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
@@ -31,7 +32,7 @@ contains
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
     !> Where friction follows the reactions they are linear near by alone: `about` pushes that there are small ones beside these are taken.
     module procedure find_responses
-        real(wp), parameter :: much = 1.0e4_wp, little = 1.0e-6_wp
+        real(wp), parameter :: much = 1.0e4_wp, little = 1.0e-2_wp
         real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
         real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
         integer :: k, i, turn, n
@@ -76,9 +77,11 @@ contains
         integer, parameter :: most_turns = 30          !! friction in joints changes with what is pushed
         real(wp), parameter :: enough = 1.0e-14_wp     !! of the pushes
         real(wp), parameter :: rounding = 1.0e-9_wp    !! of them, if it gets no less any more
+        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses: forces that count
         real(wp), dimension(lanes, n_held(self%model)) :: push, away, change, wanted
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model))
-        real(wp), dimension(lanes) :: apart, part, part_before
+        real(wp) :: press(lanes, size(self%equations%rub))
+        real(wp), dimension(lanes) :: apart, part, part_before, pressed
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
         logical :: is_held(lanes, n_held(self%model)), rubs
         integer :: turn
@@ -93,16 +96,27 @@ contains
         if (holds_anywhere(self%clutch)) wanted(:, n_stop(self%model%scene) + 1:) = way_back(self, t)
         apart = maxval(abs(wanted - away), dim=2, mask=is_held)
         part_before = huge(1.0_wp)
+        pressed = 0                                    ! what holds may have but rounding of this to hold
+        if (rubs) then
+            call pressing_forces(self%equations%rub, self%workspace%friction, press)
+            pressed = maxval(press, dim=2)
+        end if
         do turn = 1, merge(most_turns, n_turn, rubs)
             if (turn > n_far) call find_responses(self, is_held, .false., response, of_coordinates, about=push)
             call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
             call accelerate(self, push, away)
-            part = maxval(abs(change), dim=2)/max(maxval(abs(push), dim=2), tiny(1.0_wp))
-            if (turn >= n_turn .and. all(part <= enough .or. (part >= part_before .and. part <= rounding))) exit
+            part = maxval(abs(change), dim=2)/max(maxval(abs(push), dim=2), small*pressed, tiny(1.0_wp))
+            if (turn >= n_turn .and. all(part <= enough .or. (part >= part_before .and. part <= rounding))) then
+                if (.not. rubs) exit
+                if (all(stays())) exit
+            end if
             part_before = part
         end do
-        if (rubs) call flag_unheld()
+        ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
+        if (rubs) then
+            where (self%workspace%status == sample_ok .and. .not. stays()) self%workspace%status = sample_not_converged
+        end if
         call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
         self%stops%push = push(:, :n_stop(self%model%scene))
         self%clutch%applied = self%clutch%rub + push(:, n_stop(self%model%scene) + 1:)
@@ -110,18 +124,19 @@ contains
 
     contains
 
-        !> Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
-        subroutine flag_unheld()
-            real(wp), parameter :: still = 1.0e-8_wp   !! of what the pushes take away
+        !> Is what is held where it should be, but for rounding of what the pushes take away?
+        function stays()
+            logical :: stays(lanes)
+            real(wp), parameter :: still = 1.0e-8_wp
+            real(wp) :: taken(lanes)
             integer :: k
 
+            taken = apart
             do k = 1, size(push, 2)
-                apart = max(apart, maxval(abs(response(:, :, k)), dim=2)*abs(push(:, k)))
+                taken = max(taken, maxval(abs(response(:, :, k)), dim=2)*max(abs(push(:, k)), small*pressed))
             end do
-            where (self%workspace%status == sample_ok .and. any(is_held, dim=2) &
-                   .and. .not. maxval(abs(wanted - away), dim=2, mask=is_held) <= still*apart) &
-                self%workspace%status = sample_not_converged
-        end subroutine flag_unheld
+            stays = .not. any(is_held, dim=2) .or. maxval(abs(wanted - away), dim=2, mask=is_held) <= still*taken
+        end function stays
     end procedure hold_variables
 
     !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
