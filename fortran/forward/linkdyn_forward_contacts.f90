@@ -30,7 +30,8 @@ contains
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
-    !> Where friction follows the reactions they are linear near by alone: `about` pushes that there are small ones beside these are taken.
+    !> Where friction follows the reactions they are linear near by alone: `about` pushes that there are small ones beside these are taken,
+    !> but none below what forces count by (`least`): their difference would be rounding.
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp, little = 1.0e-2_wp
         real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
@@ -50,7 +51,7 @@ contains
         do k = 1, size(push, 2)
             if (.not. any(is_in_contact(:, k))) cycle
             unit = 1
-            if (present(about)) unit = little*maxval(abs(base), dim=2)
+            if (present(about)) unit = max(little*maxval(abs(base), dim=2), least)
             where (.not. unit > 0) unit = 1
             do turn = 1, merge(1, 2, present(about))
                 push = base
@@ -102,7 +103,7 @@ contains
             pressed = maxval(press, dim=2)
         end if
         do turn = 1, merge(most_turns, n_turn, rubs)
-            if (turn > n_far) call find_responses(self, is_held, .false., response, of_coordinates, about=push)
+            if (turn > n_far) call find_responses(self, is_held, .false., response, of_coordinates, push, small*pressed)
             call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
             call accelerate(self, push, away)

@@ -331,13 +331,14 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, about)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, about, least)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
             real(wp), intent(in), optional :: about(:, :)  !! pushes that there are (lane, n_stop + n_clutch)
+            real(wp), intent(in), optional :: least(:)     !! there, too: pushes that are taken beside them, at least (lane)
         end subroutine find_responses
 
         module subroutine hold_variables(self, t)
