@@ -213,16 +213,16 @@ contains
     end subroutine sync_spool
 
     !> Close it, and remove it if it has served.
-    subroutine close_spool(spool, is_done)
+    subroutine close_spool(spool, is_removed)
         type(spool_type), intent(inout) :: spool
-        logical, intent(in) :: is_done
+        logical, intent(in) :: is_removed                  !! nobody goes on with it
         character(len=128) :: reason
         integer(c_int) :: outcome
 
         if (spool%descriptor < 0) return
         outcome = linkdyn_close_write(spool%descriptor, reason, len(reason))
         spool%descriptor = -1
-        if (is_done) call remove_file(spool%name)
+        if (is_removed) call remove_file(spool%name)
     end subroutine close_spool
 
     subroutine refuse(spool, status)

@@ -174,7 +174,8 @@ contains
 
         if (.not. allocated(rounds%output)) return
         if (.not. is_done .and. status%is_ok() .and. run%n_done > 0) call keep(run, rounds, status)
-        call close_spool(rounds%spool, is_done)
+        ! without a checkpoint nobody can go on with the spool
+        call close_spool(rounds%spool, is_done .or. .not. has_checkpoint(rounds%output))
         if (is_done) call remove_file(checkpoint_name(rounds%output))
         call release_lock(rounds%lock)
         deallocate (rounds%output)

@@ -77,6 +77,9 @@ def test_large_requests_want_consent(tsai, tmp_path):
     ]}
     result = run(write(tsai, tmp_path), cwd=tmp_path)
     refused(result, "1000000000000000 samples take about", "years", "--yes")
+    result = run(write(tsai, tmp_path), "--keep", "driving_force", cwd=tmp_path)
+    refused(result, "1000000000000000 samples take about", "--yes")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["scene.toml"]  # no spool either
     tsai["sweep"]["axis"].append({"coordinate": "platform.z", "linspace": [-0.01, 0.01, 1000]})
     refused(run(write(tsai, tmp_path), "--yes", cwd=tmp_path), "more than 4.5e15 samples")
 
