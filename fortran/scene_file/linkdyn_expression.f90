@@ -42,6 +42,8 @@ module linkdyn_expression
         real(wp) :: value = 0                           !! SI
         integer :: power(n_dimension) = 0               !! of kg m s A rad
         logical :: has_unit = .false.                   !! a unit was met on the way
+        logical :: has_pi = .false.                     !! a plain number of which pi is a factor
+        logical :: counts_turns = .false.               !! a factor is given in Hz, rpm or rev
         integer :: symbol = 0                           !! no number, but this symbol of formulas
         integer :: node = 0                             !! no number, but this node of the formula
     end type measured_value
@@ -142,9 +144,11 @@ contains
             if (reader%problem /= "") return
             if (any(found%power /= other%power)) then
                 if (operator == "+") then
-                    call fail(reader, "adds "//dimension_text(other%power)//" to "//dimension_text(found%power))
+                    call fail(reader, "adds "//dimension_text(other%power)//" to "//dimension_text(found%power)// &
+                        angle_hint(found, other))
                 else
-                    call fail(reader, "takes "//dimension_text(other%power)//" from "//dimension_text(found%power))
+                    call fail(reader, "takes "//dimension_text(other%power)//" from "//dimension_text(found%power)// &
+                        angle_hint(found, other))
                 end if
                 return
             end if
@@ -154,8 +158,22 @@ contains
                 found%value = found%value + merge(other%value, -other%value, operator == "+")
             end if
             found%has_unit = found%has_unit .or. other%has_unit
+            found%has_pi = .false.
+            found%counts_turns = .false.
             call require_finite(reader, found)
         end do
+
+    contains
+
+        !> What to write for a plain number beside an angle.
+        pure function angle_hint(x, y) result(hint)
+            type(measured_value), intent(in) :: x, y
+            character(len=:), allocatable :: hint
+
+            hint = ""
+            if (all(x%power + y%power == is_angle) .and. (all(x%power == 0) .or. all(y%power == 0))) &
+                hint = " (expected rad or deg behind the number)"
+        end function angle_hint
     end subroutine read_sum
 
     recursive subroutine read_product(reader, names, depth, found)
@@ -172,6 +190,7 @@ contains
             if (scan(operator, "*/") == 0) return
             reader%next = reader%next + 1
             call read_signed(reader, names, depth, other)
+            if (operator == "*") call refuse_turns_twice(reader, found, other)
             if (reader%problem /= "") return
             if (found%node > 0 .or. other%node > 0) then
                 if (operator == "/" .and. other%node == 0 .and. .not. abs(other%value) > 0) then
@@ -191,9 +210,20 @@ contains
                 return
             end if
             found%has_unit = found%has_unit .or. other%has_unit
+            found%has_pi = (found%has_pi .or. other%has_pi) .and. all(found%power == 0)
+            found%counts_turns = found%counts_turns .or. (operator == "*" .and. other%counts_turns)
             call require_finite(reader, found)
         end do
     end subroutine read_product
+
+    !> "2*pi*3 Hz": radians come of the unit already, and once more of pi.
+    subroutine refuse_turns_twice(reader, x, y)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(in) :: x, y
+
+        if ((x%has_pi .and. y%counts_turns) .or. (x%counts_turns .and. y%has_pi)) call fail(reader, &
+            "multiplies with pi what is given in turns: 1 Hz is 2*pi rad/s already, as rpm and rev are (expected no pi, or rad)")
+    end subroutine refuse_turns_twice
 
     recursive subroutine read_signed(reader, names, depth, found)
         type(reader_type), intent(inout) :: reader
@@ -275,6 +305,7 @@ contains
         reader%next = reader%next + len(name)
         if (name == "pi") then
             found%value = pi
+            found%has_pi = .true.
         else if (is_function(reader, name)) then
             n = merge(2, 1, any([character(len=5) :: "atan2", "min", "max"] == name))
             if (name == "if") n = 3
@@ -320,7 +351,7 @@ contains
         class(name_source), intent(in) :: names
         type(measured_value), intent(out) :: found
         real(wp) :: unit, factor
-        integer :: power(n_dimension), used, before, sign_of_power
+        integer :: power(n_dimension), used, before, sign_of_power, first
         logical :: is_one
         character(len=1) :: operator, letter
 
@@ -330,6 +361,7 @@ contains
             return
         end if
         reader%next = reader%next + used
+        first = reader%next
         unit = 1
         do
             before = reader%next
@@ -349,6 +381,9 @@ contains
         end do
         reader%next = before
         found%value = found%value*unit
+        associate (words => reader%text(first:before - 1))
+            found%counts_turns = found%power(5) > 0 .and. index(words, "Hz") + index(words, "rpm") + index(words, "rev") > 0
+        end associate
         call require_finite(reader, found)
 
     contains

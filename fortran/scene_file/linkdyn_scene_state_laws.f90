@@ -464,8 +464,9 @@ contains
             call text_of(place, node, text, is_one)
             if (is_one) then
                 call formula_of_text(text, place%variables, found, law%formula, problem)
-                if (problem /= "") call refuse(place, "= "//problem//" (expected a formula of measures, laws and numbers, "// &
-                    "or a table with 'over')", status)
+                if (problem /= "" .and. index(problem, "(expected") == 0) problem = problem// &
+                    " (expected a formula of measures, laws and numbers, or a table with 'over')"
+                if (problem /= "") call refuse(place, "= "//problem, status)
             else
                 call node%get_number(found%value, is_one)
                 if (.not. is_one) call refuse(place, "is "//node%kind_text()//" (expected a formula in a text, or a table with "// &

@@ -105,7 +105,7 @@ def test_arithmetic_is_that_of_python():
         ("sin(30 deg)", 0.5), ("cos(pi/3)", 0.5), ("tan(45 deg)", 1), ("asin(0.5)", math.pi / 6), ("acos(0.5)/(1 deg)", 60),
         ("atan2(3 mm, -3 mm)", 0.75 * math.pi), ("abs(-r)", 0.05), ("min(r, d)", 0.02), ("max(r, d)", 0.05), ("sqrt(r^2 + (0.12 m)^2)", 0.13),
         ("12 mm + r/2", 0.037), ("12 N*m", 12), ("2*m/m", 2), ("1/2 mm", 500), ("3 kg*m^2/s^2", 3), ("2*min(1, 2)", 2), ("2 min", 120), ("r^0", 1),
-        ("5 N/(m/s)*2", 10), ("60 rpm*1 s/(1 rev)", 1), ("(r*d)^0.5", math.sqrt(0.001)), ("50 %*r", 0.025), ("2·r²", 0.005),
+        ("5 N/(m/s)*2", 10), ("60 rpm*1 s/(1 rev)", 1), ("(r*d)^0.5", math.sqrt(0.001)), ("pi*r^2*(3 Hz)/(1 m)^2", 0.015 * math.pi**2), ("50 %*r", 0.025), ("2·r²", 0.005),
     ],
 )  # fmt: skip
 def test_values(text, value):
@@ -151,7 +151,10 @@ def tomli_keys(table: dict) -> list[str]:
     [
         ({"x": "r + m"}, "'r + m' adds a mass to a length"),
         ({"x": "r - 3"}, "takes a plain number from a length"),
-        ({"x": "30 deg + 1"}, "adds a plain number to an angle"),
+        ({"x": "30 deg + 1"}, "adds a plain number to an angle (expected rad or deg behind the number)"),
+        ({"x": "2*pi*3 Hz"}, "multiplies with pi what is given in turns"),
+        ({"x": "-1500 rpm/60*(2*pi)"}, "multiplies with pi what is given in turns"),
+        ({"x": "f*y", "f": "3 Hz", "y": "2*pi"}, "multiplies with pi what is given in turns"),
         ({"x": "r/0"}, "divides by zero"),
         ({"x": "0^-1"}, "divides by zero"),
         ({"x": "1e308*10"}, "is not a finite number"),
