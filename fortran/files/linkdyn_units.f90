@@ -11,7 +11,7 @@ module linkdyn_units
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
-    public :: quantity_type, per_second, over, is_unit, unit_factor
+    public :: quantity_type, per_second, over, is_unit, unit_factor, counts_turns
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit, two_units
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
@@ -173,6 +173,14 @@ contains
         quotient%power = upper%power - lower%power
         quotient%angle_is_optional = .true.
     end function over
+
+    !> True for units of turns, or turns in a time, whose numbers are not in radians.
+    pure logical function counts_turns(words, power)
+        character(len=*), intent(in) :: words               !! of the units
+        integer, intent(in) :: power(n_dimension)           !! and their dimension
+
+        counts_turns = power(n_dimension) > 0 .and. index(words, "Hz") + index(words, "rpm") + index(words, "rev") > 0
+    end function counts_turns
 
     !> True for a unit of whatever quantity; a plain number has none.
     pure logical function is_unit(text)

@@ -19,7 +19,7 @@ module linkdyn_expression
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: lower_case, quoted, to_text
-    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit, two_units
+    use linkdyn_units, only: n_dimension, counts_turns, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit, two_units
     implicit none (type, external)
     private
     public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters, deepest
@@ -381,9 +381,7 @@ contains
         end do
         reader%next = before
         found%value = found%value*unit
-        associate (words => reader%text(first:before - 1))
-            found%counts_turns = found%power(5) > 0 .and. index(words, "Hz") + index(words, "rpm") + index(words, "rev") > 0
-        end associate
+        found%counts_turns = counts_turns(reader%text(first:before - 1), found%power)
         call require_finite(reader, found)
 
     contains

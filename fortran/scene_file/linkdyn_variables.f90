@@ -5,7 +5,7 @@ module linkdyn_variables
     use linkdyn_formula, only: formula_type
     use linkdyn_scene, only: name_len
     use linkdyn_text, only: quoted
-    use linkdyn_units, only: quantity_type, n_dimension, read_value, misfit
+    use linkdyn_units, only: quantity_type, n_dimension, counts_turns, read_value, misfit
     implicit none (type, external)
     private
     public :: variable_table, variable_entry, symbol_entry, quantity_of_text, measured_of_text, formula_of_text
@@ -254,6 +254,7 @@ contains
         logical :: is_plain
 
         call read_plain(text, variables, found%value, found%has_unit, found%power, is_plain, problem)
+        found%counts_turns = counts_turns(text, found%power)
         if (is_plain) return
         variables%culprit = 0
         found = measured_value()
