@@ -592,7 +592,7 @@ contains
             "  --method NAME       rk8pd (default; without GSL: gbs), rkf45, gbs (many digits), seulex or msbdf", &
             "                      (stiff scenes), rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
-            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9; rk4 has none", &
+            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9, most 1e-4; rk4 has none", &
             "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
             "                      to five times as long", &
             "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &

@@ -23,8 +23,8 @@ module linkdyn_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_system, only: standing_lanes
     use linkdyn_forward_words, only: coordinates_in_words, rounding_in_words
-    use linkdyn_integrator, only: integrator_options, choose_method, check_options, method_name, default_method, method_rk4, &
-        method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
+    use linkdyn_integrator, only: integrator_options, choose_method, check_options, tightened, method_name, default_method, &
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -84,6 +84,7 @@ contains
         run%own => model
         run%model => model
         run%options = options
+        run%options%integrator = tightened(options%integrator)
         call check_options(options%integrator, status)
         if (model%n_q == 0) call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a " &
                                       //"mechanism; inverse dynamics finds the forces in a structure)")
@@ -93,7 +94,7 @@ contains
         associate (phase => run%known(1)%phase)
             phase%model => model
             phase%choice = spread(0, 1, model%n_q)
-            call plan_phase(model, options, phase, status)
+            call plan_phase(model, run%options, phase, status)
             run%system => phase%system
         end associate
         if (.not. status%is_ok()) return
@@ -113,7 +114,7 @@ contains
             return
         end if
         run%good_until = options%t_start
-        call start_integrator(run, model, options, status)
+        call start_integrator(run, model, run%options, status)
     end subroutine start_forward
 
     !> A run that is beyond a stop has lost a contact, as it may where several come at once: better no results than those.

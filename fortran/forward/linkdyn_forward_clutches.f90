@@ -21,8 +21,31 @@ contains
         call note_ease(self, spread(t, 1, lanes), y)
         self%clutch%begins = .true.
         call self%switch_now(t, y)
+        call loosen_what_cannot_hold(self, spread(t, 1, lanes), y)
         self%clutch%begins = .false.
     end procedure begin_with_clutches
+
+    !> Friction that slides presses joints otherwise than what holds: who is found to hold by more than its grip slips from here.
+    subroutine loosen_what_cannot_hold(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        real(wp), parameter :: rounding = 1.0e-9_wp    !! of the grip
+        logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, cannot
+        real(wp) :: rate(lanes, self%n)
+        logical :: failed(lanes)
+        integer :: i
+
+        if (.not. has_sticking(self%model)) return
+        is_closed = self%clutch%is_closed
+        do i = 1, size(cannot, 2)
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            cannot = self%clutch%holds .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
+                     .and. abs(self%clutch%force) > (1 + rounding)*self%clutch%capacity
+            if (.not. any(cannot)) return
+            call engage(self, t, y, is_closed, cannot)
+        end do
+    end subroutine loosen_what_cannot_hold
 
     !> How much clutches have to hold, where the run begins.
     subroutine note_ease(self, t, y)

@@ -12,7 +12,8 @@ module linkdyn_simulator
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
-    use linkdyn_integrator, only: integrator_type, integrator_options, recall_integrator, stop_growth, stop_pace
+    use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
+        stop_pace
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -73,7 +74,9 @@ contains
         self%model = model
         self%model%scene%coordinate%is_driven = .false.
         self%model%scene%actuator%drive%kind = drive_inverse
-        self%options = options
+        call check_options(options, status)
+        if (.not. status%is_ok()) return
+        self%options = tightened(options)
         call prepare_kinematics(model, 0, self%scratch)
         call hold_programs(self%shared)
         call self%set(t, q, qd, status)

@@ -10,6 +10,7 @@ module linkdyn_watched_run
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf, ieee_is_nan
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
+    use linkdyn_integrator, only: tightened
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
@@ -96,6 +97,7 @@ contains
         own = options
         nullify (own%shared)                           ! of other numbers
         own%events_end = .false.
+        own%integrator = tightened(options%integrator)
         own%integrator%step = own%integrator%step/step_part(i)    ! of adaptive methods the first one, from which the others grow
         own%integrator%rtol = other_tolerance(own%integrator%rtol, i)
         own%integrator%atol = other_tolerance(own%integrator%atol, i)

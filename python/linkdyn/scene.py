@@ -608,7 +608,7 @@ class Scene:
         step
             The fixed step, or the first one tried [s].
         rtol, atol
-            Error allowed in a step, relative and absolute.
+            Error allowed in a step, relative and absolute; no more than 1e-4 (msbdf: 1e-5) is.
         want, solver, threads
             As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
         progress

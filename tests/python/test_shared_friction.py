@@ -178,27 +178,54 @@ def test_what_is_refused() -> None:
         linkdyn.Scene(scene).inverse(t=[0.0], solver="reduced", want=["driving_force"])
 
 
-def test_guides_that_stick_beside_each_other() -> None:
-    """A table in two guides that brake each other by their tilting moments: both hold what moves it, within what presses them."""
+def two_guides(length: tuple[float, float], gravity: list[float], velocity: float, push: list[float]) -> dict[str, Any]:
+    """A table in two guides that brake each other by their tilting moments."""
     guides = {f"g{i}": {"at": at, "axis": [1, 0, 0]} for i, at in enumerate(([0, 0, 0], [0, 0.3, 0.1]))}
-    mu, length = (0.23, 0.24), (0.075, 0.04)
-    scene: dict[str, Any] = {
-        "space": "spatial", "gravity": [4.8, 7.1, 7.2], "frame": {"markers": guides},
-        "link": [{"name": "table", "markers": guides, "mass": 20.0, "cog": [0.04, 0.1, 0.06], "inertia": [4, 5, 3, 0.1, 0.2, -0.1]}],
+    table = {"name": "table", "markers": guides | {"hand": [0.3, 0.1, 0.3]}, "mass": 20.0, "cog": [0.04, 0.1, 0.06],
+             "inertia": [4, 5, 3, 0.1, 0.2, -0.1]}
+    return {
+        "space": "spatial", "gravity": gravity, "frame": {"markers": guides}, "link": [table],
         "joint": [{"name": name, "type": "prismatic", "between": [f"frame.{name}", f"table.{name}"]} for name in guides],
-        "coordinate": [{"joint": "g0", "start": {"position": 0.0, "velocity": -0.1}}],
-        "actuator": [{"joint": "g0", "law": {"type": "constant", "value": 5.0}}],
-        "friction": [{"joint": name, "coulomb": mu[i], "length": length[i], "sticking": True} for i, name in enumerate(guides)]}
+        "coordinate": [{"joint": "g0", "start": {"position": 0.0, "velocity": velocity}}], "load": [{"on": "table.hand", "force": push}],
+        "friction": [{"joint": name, "coulomb": GRIP[i], "length": length[i], "sticking": True} for i, name in enumerate(guides)]}
+
+
+GRIP = (0.23, 0.24)
+
+
+def grip_of_guides(reaction: Array, length: tuple[float, float]) -> Array:
+    """What each can hold at most, of the pressures at its ends."""
+    grip = np.empty(2)
+    for i in range(2):
+        across, tilt = reaction[i, 1:3], reaction[i, 4:6]
+        arm = np.array([tilt[1], -tilt[0]]) / length[i]    # M x a over the length, seen along y and z
+        grip[i] = GRIP[i] * (np.linalg.norm(across / 2 + arm) + np.linalg.norm(across / 2 - arm))
+    return grip
+
+
+def test_guides_that_stick_beside_each_other() -> None:
+    """Both hold what moves the table, within what presses them."""
+    length = (0.075, 0.04)
+    scene = two_guides(length, [4.8, 7.1, 7.2], -0.1, [0, 0, 0]) | {"actuator": [{"joint": "g0", "law": {"type": "constant", "value": 5.0}}]}
     run = linkdyn.Scene(scene).forward(t=[0.0, 0.005, 0.0119], want="all")
     assert not run.status.values.any()
     assert abs(run.qd.values[1, 0]) > 0.01 and abs(run.qd.values[2, 0]) < 1e-15 and abs(run.qdd.values[2, 0]) < 1e-12
     force = run.clutch_force.values[2]
     np.testing.assert_allclose(force.sum(), -(20.0 * 4.8 + 5.0), rtol=1e-12)
-    for i in range(2):
-        across, tilt = run.reaction.values[2, i, 1:3], run.reaction.values[2, i, 4:6]
-        arm = np.array([tilt[1], -tilt[0]]) / length[i]    # M x a over the length, seen along y and z
-        press = np.linalg.norm(across / 2 + arm) + np.linalg.norm(across / 2 - arm)
-        assert abs(force[i]) <= mu[i] * press * (1 + 1e-11), i
+    assert (abs(force) <= grip_of_guides(run.reaction.values[2], length) * (1 + 1e-11)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 4, 5, 7, 8])
+def test_guides_at_rest_at_the_first_instant(seed: int) -> None:
+    """Nothing is held by more than the grip, at the first sample either: what seems to hold while all do may have to slip."""
+    random = np.random.default_rng(seed)
+    length = tuple(random.uniform(0.03, 0.1, 2))
+    scene = two_guides(length, list(random.uniform(-8, 8, 3)), 0.0, list(random.uniform(-30, 30, 3)))
+    run = linkdyn.Scene(scene).forward(t=[0.0, 1e-4], want="all")
+    assert not run.status.values.any()
+    for sample in range(2):
+        assert (abs(run.clutch_force.values[sample]) <= grip_of_guides(run.reaction.values[sample], length) * (1 + 1e-9)).all()
+    np.testing.assert_allclose(run.qdd.values[0], run.qdd.values[1], rtol=1e-3, atol=1e-9)
 
 
 def test_door_that_breaks_loose() -> None:

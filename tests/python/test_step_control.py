@@ -29,6 +29,19 @@ def test_narrow_peak_is_no_noise(method: str, tolerance: float) -> None:
         assert abs(run.q.values[-1, 0] - 6.4781251687566455) < max(1e3 * tolerance, 3e-8)
 
 
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"])
+@pytest.mark.parametrize("tolerance", [0.3, 1e-2, 1e-3])
+def test_loose_tolerances_see_narrow_peaks(method: str, tolerance: float) -> None:
+    """Steps of a tolerance as loose as that would leap over the change points, into other motions with other energies."""
+    scene = linkdyn.load(SCENES / "near_parallelogram.toml")
+    run = scene.forward(method=method, rtol=tolerance, atol=tolerance)
+    assert not run.attrs["stopped"]
+    grown = 1e3 * 1e-4                                 # at the peak, a thousand times as fast as the motion, an error grows by as much
+    assert abs(run.q.values[-1, 0] - 6.4781251687566455) < grown
+    estimated = scene.forward(method=method, rtol=tolerance, atol=tolerance, error=True)
+    assert 0 < estimated.q_error.values[-1, 0] < grown
+
+
 @pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
 def test_too_stiff_to_come_to_the_end(method: str) -> None:
     """A spring of 1e31 N/m moves its link in femtoseconds: the run ends and says so."""
