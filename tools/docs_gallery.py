@@ -23,7 +23,7 @@ GROUPS = {
                   "delta", "tripod", "ship_hexapod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
     "More constraints than needed": ("agile_eye", "tripteron", "crankshaft_bearings", "bricard"),
-    "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar", "wolfrom_drive"),
+    "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar", "wolfrom_drive", "worm_winch"),
     "Cams and slots": ("valve_train", "bucket_tappet", "thread_guide"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",

@@ -6,7 +6,7 @@
 !> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_contact, only: list_contacts, is_turning, form_mesh
+    use linkdyn_contact, only: list_contacts, is_turning, is_mesh
     use linkdyn_curve, only: scale_curve
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
@@ -104,7 +104,7 @@ contains
         end do
         call list_contacts(similar%scene, similar%contact)
         do i = 1, size(model%contact)
-            if (model%contact(i)%form /= form_mesh) cycle
+            if (.not. is_mesh(model%contact(i))) cycle
             similar%contact(i)%radius = scale*model%contact(i)%radius
             similar%contact(i)%slant = model%contact(i)%slant
             similar%contact(i)%back = model%contact(i)%back

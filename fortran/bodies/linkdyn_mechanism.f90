@@ -6,7 +6,7 @@ module linkdyn_mechanism
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
-    use linkdyn_joint_table, only: joint_cam
+    use linkdyn_joint_table, only: joint_cam, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_ups, side_of
     use linkdyn_numbers, only: number_places, place_numbers
@@ -306,6 +306,14 @@ contains
         integer, intent(in) :: joint, side                 !! side: 1 or 2
         type(vector) :: p
 
+        if (side == 1 .and. is_geared(mechanism%model%joint(joint)%told_kind)) then
+            ! holds no markers together
+            associate (bodies => mechanism%bodies, link => mechanism%model%joint(joint)%link)
+                p = rotation_of(bodies, link(1)) .unrotate. &
+                    (point_position(bodies, link(2), marker_point(mechanism, joint, 2)) - bodies%body(link(1))%position)
+            end associate
+            return
+        end if
         p = marker_point(mechanism, joint, side)
         if (side == 1 .and. has_slide(mechanism, joint)) &
             p = p + (marker_frame(mechanism, joint, 1) .rotate.mechanism%slide(joint))

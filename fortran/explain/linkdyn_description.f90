@@ -269,6 +269,7 @@ contains
 
         text = ","//pair("carrier", integer_value(gear%carrier))//","//pair("radii", numbers(gear%radius))//","// &
             pair("pitch", numbers(gear%pitch))//","// &
+            pair("lead_angle", number(model%scene%joint(gear%joint)%lead_angle))//","// &
             pair("crossed", logical_value(model%scene%joint(gear%joint)%is_turned_over))//","// &
             pair("stretches", logical_value(model%joint(gear%joint)%belt > 0))//',"tied":['
         n = 0

@@ -7,6 +7,7 @@ module linkdyn_explain
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_explain_record, only: explain_record, in_words
     use linkdyn_constants, only: pi
+    use linkdyn_contact, only: form_worm
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words, sharing_in_words
     use linkdyn_gearing, only: led_name
@@ -14,6 +15,7 @@ module linkdyn_explain
     use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_mesh_losses, only: worm_friction_angle
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released, drives_share
@@ -216,7 +218,7 @@ contains
                 else if (carried(2) > 0) then
                     what = what//", "//counted(carried(2), "moment")
                 end if
-                if (any(model%contact%joint == j)) what = what//", friction"
+                if (any(model%contact%joint == j)) what = what//", friction"//worm_in_words(model, j)
                 if (joint%belt > 0) what = "none: its strands pull as far as they are stretched"
                 write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%told_kind), what
             end associate
@@ -231,6 +233,29 @@ contains
         write (unit, "(2x,a)") to_text(n)//" unknowns in "//to_text(model%n_row)//" equations of motion"
         if (drives_share(model)) write (unit, "(2x,a)") sharing_in_words(model)
     end subroutine explain_unknowns
+
+    !> What part of the power a worm that rubs lets through, fast; whether its wheel can drive it.
+    function worm_in_words(model, j) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j                       !! joint with friction
+        character(len=:), allocatable :: text
+        real(wp) :: lead, slides, rests
+        integer :: k
+
+        text = ""
+        k = findloc(model%contact%joint, j, dim=1)
+        if (model%contact(k)%form /= form_worm) return
+        associate (contact => model%contact(k), spec => model%scene%joint(j))
+            lead = abs(spec%lead_angle)
+            slides = worm_friction_angle(contact, spec, contact%coulomb)
+            rests = worm_friction_angle(contact, spec, contact%static)
+        end associate
+        text = " (efficiency "//to_text(max(tan(lead)/tan(lead + slides), 0.0_wp))
+        if (slides < lead) text = text//", driven by its wheel "//to_text(tan(lead - slides)/tan(lead))
+        if (slides < lead .and. rests >= lead) text = text//", self-locking at rest"
+        if (slides >= lead) text = text//", self-locking: its wheel cannot drive it"
+        text = text//")"
+    end function worm_in_words
 
     !> What stands behind an actuator.
     function motor_in_words(motor) result(text)

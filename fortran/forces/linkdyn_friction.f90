@@ -2,14 +2,14 @@
 !> `linkdyn_contact`.
 module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
-    use linkdyn_bodies, only: world_axes, omega_of
-    use linkdyn_contact, only: contact_type, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
-        form_thread, form_plate, form_cam, form_mesh
+    use linkdyn_bodies, only: world_axes, omega_of, point_position
+    use linkdyn_contact, only: contact_type, is_mesh, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
+        form_thread, form_plate, form_cam, form_mesh, form_worm
     use linkdyn_cam, only: cam
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_variables, only: joint_rates, move_pair
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, pair_of, wheel_wrench
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, marker_point, pair_of, wheel_wrench, wheel_push
     use linkdyn_value, only: value, constant, zero, one, is_zero, abs, sqrt, square, max, select, operator(+), &
         operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -59,6 +59,8 @@ contains
                 motion%arm = zero_vector()
                 if (contact%form == form_cam) then
                     call pass_cam(mechanism, contact%joint, motion)
+                else if (contact%form == form_worm) then
+                    call pass_thread(mechanism, contact%joint, motion)
                 else if (contact%form == form_ball .or. contact%form == form_mesh) then
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
@@ -130,6 +132,30 @@ contains
         end select
     end subroutine pass_cam
 
+    !> How the teeth of a wheel pass the thread of its worm, where their pitch surfaces touch: both turn about their markers, seen from
+    !> the carrier.
+    subroutine pass_thread(mechanism, j, motion)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j                       !! joint
+        type(contact_motion), intent(inout) :: motion
+        type(vector) :: push, pitch, passes(2)
+        integer :: side
+
+        motion%axis = zero_vector()
+        motion%way = one()
+        associate (bodies => mechanism%bodies, joint => mechanism%model%joint(j), &
+                   carrier => mechanism%model%gear(mechanism%model%joint(j)%gear)%carrier)
+            call wheel_push(mechanism, joint%gear, push, pitch)
+            pitch = point_position(bodies, carrier, pitch)
+            do side = 1, 2
+                motion%arm = pitch - point_position(bodies, joint%link(side), marker_point(mechanism, j, side))
+                passes(side) = (omega_of(bodies, joint%link(side), world_axes) - omega_of(bodies, carrier, world_axes)) &
+                               .cross.motion%arm
+            end do
+        end associate
+        motion%slide = passes(2) - passes(1)
+    end subroutine pass_thread
+
     !> The rate of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
     !> rounding it is taken to slide at a speed that is none.
     function one_way(contact, sense, rate) result(r)
@@ -194,7 +220,7 @@ contains
 
         press = zero()
         associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
-            if (contact%form == form_mesh) then
+            if (is_mesh(contact)) then
                 press(7) = motion%way*force_of_teeth(mechanism, mechanism%model%joint(contact%joint)%gear, reaction)
                 return
             end if
@@ -246,7 +272,7 @@ contains
         type(value) :: force
 
         associate (contact => mechanism%model%contact(i))
-            if (contact%form == form_mesh) then
+            if (is_mesh(contact)) then
                 force = (0.5_wp*(contact%slant + contact%back))*abs(press(7)) + (0.5_wp*(contact%slant - contact%back))*press(7)
             else
                 force = size_of(press(1:3)) + size_of(press(4:6)) + abs(press(7)) + contact%preload

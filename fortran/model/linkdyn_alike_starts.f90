@@ -63,7 +63,7 @@ contains
                           .and. all(a%start == b%start) .and. (a%has_start .eqv. b%has_start) .and. a%branch == b%branch &
                           .and. a%lead == b%lead .and. all(a%wheel == b%wheel) .and. a%phase == b%phase &
                           .and. (a%is_turned_over .eqv. b%is_turned_over) .and. (a%has_phase .eqv. b%has_phase) &
-                          .and. (a%strand(1) > 0 .eqv. b%strand(1) > 0)
+                          .and. (a%strand(1) > 0 .eqv. b%strand(1) > 0) .and. a%lead_angle == b%lead_angle
         if (are_same_joints .and. a%kind == joint_cam) are_same_joints = curve_text(a%cam) == curve_text(b%cam)
     end function are_same_joints
 

@@ -11,7 +11,8 @@
 !> roller passes the cam: its friction is felt where both touch, as r/R of the force there. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
 !>
 !> Teeth slide as their wheels turn against each other, w: friction is a couple between these, and what presses is in proportion to the
-!> force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`).
+!> force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`). A worm's thread slides on
+!> the teeth of its wheel where their pitch surfaces touch, and what rubs there is a force.
 module linkdyn_contact
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
@@ -20,9 +21,10 @@ module linkdyn_contact
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, friction_of_speed, sliding_coefficient, lever_of, n_press, pressing, &
-        pressing_slope, has_settled, most_rounds
-    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh
+    public :: contact_type, list_contacts, is_turning, is_mesh, friction_of_speed, sliding_coefficient, lever_of, n_press, &
+        pressing, pressing_slope, has_settled, most_rounds
+    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh, &
+        form_worm
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
     integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
@@ -35,6 +37,7 @@ module linkdyn_contact
 
     integer, parameter :: form_cam = 9       !! where a cam is touched; of a roller the pin about which it turns
     integer, parameter :: form_mesh = 10     !! teeth of two wheels, or of a wheel and a rack
+    integer, parameter :: form_worm = 11     !! a worm's thread on the teeth of its wheel
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
@@ -128,6 +131,7 @@ contains
                 contact = [one]
             case (joint_gear, joint_rack)
                 one%form = form_mesh
+                if (scene%joint(friction%joint)%lead_angle /= 0) one%form = form_worm
                 contact = [one]
             case default
                 allocate (contact(0))
@@ -152,6 +156,13 @@ contains
 
         is_turning = any(kind == [joint_revolute, joint_universal, joint_spherical, joint_screw])
     end function is_turning
+
+    !> Teeth: what presses them is in proportion to their force along the pitch circles.
+    elemental logical function is_mesh(contact)
+        type(contact_type), intent(in) :: contact
+
+        is_mesh = any(contact%form == [form_mesh, form_worm])
+    end function is_mesh
 
     !> The coefficient of a surface that slides, however slowly.
     pure elemental real(wp) function sliding_coefficient(contact, speed) result(mu)
@@ -208,7 +219,7 @@ contains
 
         if (contact%form == form_drive) then
             pressing = merge(contact%coulomb, -contact%static, press(7) > 0)*press(7)
-        else if (contact%form == form_mesh) then
+        else if (is_mesh(contact)) then
             pressing = merge(contact%slant, -contact%back, press(7) > 0)*press(7)
         else
             pressing = contact%preload + norm2(press(1:3)) + norm2(press(4:6)) + abs(press(7))
@@ -226,6 +237,6 @@ contains
         slope(7) = 0
         if (abs(press(7)) > 0) slope(7) = sign(1.0_wp, press(7))
         if (contact%form == form_drive) slope(7) = merge(contact%coulomb, -contact%static, press(7) > 0)
-        if (contact%form == form_mesh) slope(7) = slope(7)*merge(contact%slant, contact%back, press(7) > 0)
+        if (is_mesh(contact)) slope(7) = slope(7)*merge(contact%slant, contact%back, press(7) > 0)
     end function pressing_slope
 end module linkdyn_contact

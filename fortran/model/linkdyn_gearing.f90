@@ -6,7 +6,7 @@
 !>     c1 S1 + c2 S2 = c2 phase          S: variable of a wheel against the carrier, the sum of the joints' on the way
 !>
 !> The force between the wheels has directions and moments that are fixed in the carrier; c1 and c2 are its power for unit rates, so
-!> it never does work. A *rack* is a wheel whose variable is a slide. All this is found from joints and markers alone, at no
+!> it never does work. A *rack* is a wheel whose variable is a slide; a *worm* a wheel whose teeth go round it. All this is found from joints and markers alone, at no
 !> particular pose. Where the sums determine joint variables from coordinates, these are given like coordinates (`led_type`), and
 !> trains, planetary ones too, stay open chains.
 module linkdyn_gearing
@@ -236,7 +236,8 @@ contains
             do side = 1, 2
                 call add_way(model, ways(side), gear%carrier, power(side), gear%weight)
             end do
-            if (joint%kind /= joint_belt) gear%curvature = curvatures(wheel, power, joint%kind == joint_rack)
+            if (joint%kind /= joint_belt .and. .not. is_worm(model, j)) &
+                gear%curvature = curvatures(wheel, power, joint%kind == joint_rack)
             gear%second = power(2)
             gear%total = power(2)*model%scene%joint(j)%phase
         end associate
@@ -274,6 +275,13 @@ contains
         along = along/norm2(along)
         c = [-dot_product(along, spin(:, 1)), dot_product(along, spin(:, 2))]
     end function curvatures
+
+    pure logical function is_worm(model, j)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+
+        is_worm = model%scene%joint(j)%lead_angle /= 0
+    end function is_worm
 
     !> "gear", "rack", "belt".
     function what(model, j) result(text)
@@ -395,7 +403,10 @@ contains
         associate (joint => model%joint(gear%joint), spec => model%scene%joint(gear%joint), z => wheel(1)%axis)
             apart = wheel(2)%point - wheel(1)%point
             gear%direction = cross(wheel(1)%axis, wheel(2)%axis)
-            if (norm2(gear%direction) > alignment) then
+            if (is_worm(model, gear%joint)) then
+                call lay_worm()
+                if (.not. status%is_ok()) return
+            else if (norm2(gear%direction) > alignment) then
                 call lay_cones()
                 if (.not. status%is_ok()) return
             else
@@ -424,6 +435,36 @@ contains
 
     contains
 
+        !> A worm: the force on its wheel is square to the worm's thread, and of size 1 along the wheel's pitch circle. Radii follow from
+        !> the distance of the axes and from how steep the thread is.
+        subroutine lay_worm()
+            real(wp) :: towards(3)
+
+            associate (spec => model%scene%joint(gear%joint), z => wheel(1)%axis)
+                if (abs(dot_product(z, wheel(2)%axis)) > alignment) then
+                    call refuse("are not square to each other (expected right angles, or no lead_angle)")
+                    return
+                end if
+                towards = cross(z, wheel(2)%axis)
+                distance = dot_product(apart, towards)
+                if (abs(distance) <= alignment*scene_size(model)) then
+                    call refuse("meet (expected a distance, from which the pitch radii follow, or no lead_angle)")
+                    return
+                end if
+                towards = sign(1.0_wp, distance)*towards
+                pitch = wheel(1)%point + dot_product(apart, z)*z &
+                        + abs(distance)/(1 + spec%wheel(2)/spec%wheel(1)*tan(abs(spec%lead_angle)))*towards
+                gear%direction = z - tan(spec%lead_angle)*cross(z, towards)
+            end associate
+        end subroutine lay_worm
+
+        subroutine refuse(why)
+            character(len=*), intent(in) :: why
+
+            call fail(status, status_bad_input, &
+                      "gear "//quoted(model%joint(gear%joint)%name)//": the axes of worm and wheel "//why)
+        end subroutine refuse
+
         !> Bevel gears: the pitch point is where the planes of both markers across the axes meet in the plane of the axes.
         subroutine lay_cones()
             real(wp) :: m(3)
@@ -433,7 +474,7 @@ contains
             associate (name => model%joint(gear%joint)%name, spec => model%scene%joint(gear%joint))
                 if (abs(dot_product(apart, m)) > alignment*scene_size(model)) then
                     call fail(status, status_bad_input, "gear "//quoted(name)//": the axes of its wheels neither are parallel " &
-                              //"nor meet (expected spur or bevel gears)")
+                              //"nor meet (expected spur or bevel gears, or the lead_angle of a worm)")
                     return
                 end if
                 radius(1) = dot_product(apart, wheel(2)%axis)/dot_product(cross(m, wheel(1)%axis), wheel(2)%axis)
@@ -467,6 +508,9 @@ contains
             if (all(spec%flank == 0)) return
             if (model%joint(gear%joint)%told_kind == joint_rack) then
                 apart = gear%pitch - wheel(1)%point
+            else if (is_worm(model, gear%joint)) then
+                apart = cross(z, wheel(2)%axis)
+                apart = sign(1.0_wp, dot_product(wheel(2)%point - wheel(1)%point, apart))*apart
             else if (norm2(cross(z, wheel(2)%axis)) > alignment) then
                 if (spec%flank(2) /= 0) call fail(status, status_bad_input, "gear " &
                     //quoted(model%joint(gear%joint)%name)//": helix_angle has no meaning between axes that meet (expected " &
@@ -479,7 +523,7 @@ contains
                 if (spec%is_turned_over .and. spec%wheel(2) >= spec%wheel(1)) apart = gear%pitch - wheel(1)%point
                 apart = apart - dot_product(apart, z)*z
             end if
-            gear%push = tan(spec%flank(1))/cos(spec%flank(2))*apart/norm2(apart)
+            gear%push = tan(spec%flank(1))/cos(spec%flank(2) + spec%lead_angle)*apart/norm2(apart)   ! one of both is zero
             if (spec%flank(2) == 0) return
             gear%direction = gear%direction - tan(spec%flank(2))*z
             do side = 1, 2

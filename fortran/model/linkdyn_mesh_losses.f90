@@ -4,9 +4,13 @@
 !> and a couple m stands between the wheels, against their angular velocity w to each other, and takes m w. With the curvatures c1, c2 of the
 !> pitch circles (of bevel wheels those of their back cones; below zero of a ring, zero of a rack) and their speed v, w = (c1 + c2) v. So the
 !> first wheel takes F v + m c1 v and the second gives F v - m c2 v, which makes m of an efficiency, for each direction of power.
+!>
+!> A worm's thread slides along itself. What presses its flank is N = F/(cos(lead angle) cos(pressure angle)), and with the angle of friction
+!> rho, tan rho = mu/cos(pressure angle), it has the efficiency tan(lead angle)/tan(lead angle + rho); driven by its wheel
+!> tan(lead angle - rho)/tan(lead angle).
 module linkdyn_mesh_losses
     use linkdyn_constants, only: pi
-    use linkdyn_contact, only: contact_type, form_mesh
+    use linkdyn_contact, only: contact_type, is_mesh, form_worm
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_scene, only: joint_spec, joint_kind_name
@@ -14,7 +18,7 @@ module linkdyn_mesh_losses
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: shape_meshes
+    public :: shape_meshes, worm_friction_angle
 
     real(wp), parameter :: usual_pressure_angle = pi/9
 
@@ -27,10 +31,12 @@ contains
         integer :: i, k
 
         do i = 1, size(model%contact)
-            if (model%contact(i)%form /= form_mesh) cycle
+            if (.not. is_mesh(model%contact(i))) cycle
             associate (j => model%contact(i)%joint)
                 k = findloc(model%scene%friction%joint, j, dim=1)
-                if (model%scene%friction(k)%efficiency > 0) then
+                if (model%contact(i)%form == form_worm) then
+                    call shape_worm(model%scene%friction(k)%efficiency, model%scene%joint(j), model%contact(i))
+                else if (model%scene%friction(k)%efficiency > 0) then
                     call shape_by_efficiency(model%scene%friction(k)%efficiency, model%gear(model%joint(j)%gear), &
                                              model%scene%joint(j), model%contact(i), status)
                 else
@@ -39,6 +45,33 @@ contains
             end associate
         end do
     end subroutine shape_meshes
+
+    !> What presses a worm's flank, or what rubs there, over the force along the pitch circle of its wheel.
+    pure subroutine shape_worm(efficiency, spec, contact)
+        real(wp), intent(in) :: efficiency             !! while the worm drives; 0: none is told
+        type(joint_spec), intent(in) :: spec
+        type(contact_type), intent(inout) :: contact
+        real(wp) :: across
+
+        if (efficiency > 0) then
+            contact%slant = tan(atan(tan(abs(spec%lead_angle))/efficiency) - abs(spec%lead_angle))
+        else
+            across = spec%flank(1)
+            if (.not. across > 0) across = usual_pressure_angle
+            contact%slant = 1/cos(across)
+        end if
+        contact%slant = contact%slant/cos(spec%lead_angle)
+        contact%back = contact%slant
+    end subroutine shape_worm
+
+    !> The angle of friction of a worm's thread with a coefficient of its contact [rad].
+    pure real(wp) function worm_friction_angle(contact, spec, coefficient) result(rho)
+        type(contact_type), intent(in) :: contact
+        type(joint_spec), intent(in) :: spec
+        real(wp), intent(in) :: coefficient
+
+        rho = atan(coefficient*contact%slant*cos(spec%lead_angle))
+    end function worm_friction_angle
 
     !> The surfaces' speed is that of the pitch circles, and what presses is what is lost over it.
     subroutine shape_by_efficiency(efficiency, gear, spec, contact, status)

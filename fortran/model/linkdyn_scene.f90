@@ -174,6 +174,7 @@ module linkdyn_scene
         real(wp) :: lead = 0                      !! of a screw: how far it goes in a turn [m]; negative: left-handed
         real(wp) :: wheel(2) = 0                  !! of a gear the teeth of both wheels; of a belt their radii [m]
         real(wp) :: flank(2) = 0                  !! of teeth: pressure angle, and helix angle of the first wheel, above zero right-handed [rad]
+        real(wp) :: lead_angle = 0                !! of a worm, the first wheel, above zero right-handed [rad]; 0: it is none
         logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
         real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
         logical :: has_phase = .false.            !! it was written

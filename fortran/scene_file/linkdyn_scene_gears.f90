@@ -15,7 +15,7 @@ module linkdyn_scene_gears
     public :: read_wheels, gear_key
 
     character(len=14), parameter :: gear_key(*) = [character(len=14) :: "teeth", "radii", "mesh", "run", "phase", "strands", &
-                                                   "pressure_angle", "helix_angle"]
+                                                   "pressure_angle", "helix_angle", "lead_angle"]
     character(len=10), parameter :: strand_key(3) = [character(len=10) :: "stiffness", "damping", "pretension"]
     character(len=8), parameter :: mesh_name(2) = [character(len=8) :: "external", "internal"]
     character(len=7), parameter :: run_name(2) = [character(len=7) :: "open", "crossed"]
@@ -48,6 +48,7 @@ contains
         end select
         joint%is_turned_over = way == 2
         if (joint%kind /= joint_belt) call read_flanks(place, planar, joint, status)
+        call read_worm(place, planar, joint, status)
         call read_strands(place, joint, status)
         if (joint%kind == joint_rack) then
             call get_quantity(place, "phase", length, joint%phase, status, joint%has_phase)
@@ -97,6 +98,36 @@ contains
             "pushes wheels along their axes (expected a spatial scene, or no helix_angle)", status)
     end subroutine read_flanks
 
+    !> The lead angle of a worm, which drives a wheel across its axis.
+    subroutine read_worm(place, planar, joint, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        real(wp), parameter :: degree = pi/180, most = 60*degree
+        logical :: found
+
+        call get_quantity(place, "lead_angle", angle, joint%lead_angle, status, found)
+        if (.not. (status%is_ok() .and. found)) return
+        if (planar) then
+            call refuse("is of a worm, across whose axis its wheel turns (expected a spatial scene)")
+        else if (.not. (abs(joint%lead_angle) > 0 .and. abs(joint%lead_angle) <= most)) then
+            call refuse("is "//to_text(joint%lead_angle/degree)//" deg (expected up to 60 deg, below zero of a left-handed worm)")
+        else if (joint%is_turned_over) then
+            call refuse("is of a worm, which is not inside its wheel (expected no mesh = 'internal')")
+        else if (joint%flank(2) /= 0) then
+            call refuse("is of a worm, of which it says how its thread goes round (expected no helix_angle)")
+        end if
+
+    contains
+
+        subroutine refuse(why)
+            character(len=*), intent(in) :: why
+
+            call refuse_value(place, "lead_angle", place%node%get("lead_angle"), why, status)
+        end subroutine refuse
+    end subroutine read_worm
+
     !> The strands of a belt that stretches.
     subroutine read_strands(place, joint, status)
         type(scene_place), intent(in) :: place
@@ -143,7 +174,7 @@ contains
         select case (key)
         case ("phase")
             has_key = is_geared(kind)
-        case ("teeth", "mesh", "helix_angle")
+        case ("teeth", "mesh", "helix_angle", "lead_angle")
             has_key = kind == joint_gear
         case ("pressure_angle")
             has_key = kind == joint_gear .or. kind == joint_rack

@@ -479,7 +479,8 @@ class Builder:
 
     def gear(
         self, name: str, first: str, second: str, *, teeth: Sequence[Quantity], mesh: Literal["external", "internal"] | None = None,
-        pressure_angle: Quantity | None = None, helix_angle: Quantity | None = None, phase: Quantity | None = None, repeat: int | None = None,
+        pressure_angle: Quantity | None = None, helix_angle: Quantity | None = None, lead_angle: Quantity | None = None,
+        phase: Quantity | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """Two wheels in mesh, each of which has its hinge already.
 
@@ -497,6 +498,8 @@ class Builder:
             Of the teeth, across them: it drives the wheels apart [rad].
         helix_angle
             Of the first wheel's teeth, above zero right-handed: it pushes the wheels along their axes [rad].
+        lead_angle
+            Of a worm, the first wheel, above zero right-handed: its teeth are starts, and its wheel turns across its axis [rad].
         phase
             Angle of the second where that of the first is zero [rad].
         repeat
@@ -843,7 +846,7 @@ class Builder:
         sticking
             True: in forward runs it holds what rests, as a `clutch` does.
         efficiency
-            Of the teeth of a gear or rack, instead of `coulomb`.
+            Of the teeth of a gear or rack, instead of `coulomb`; of a worm while it drives.
         repeat
             Copies.
         """

@@ -32,12 +32,21 @@ export class Mechanism {
     return this.links[link].markers.find((marker) => marker.name === name);
   }
 
-  /** Pitch circles of a link: its end of a gear, and their radius. */
+  /** Pitch circles of a link: its end of a gear, and their radius; a worm has a thread instead. */
   wheels(link) {
-    const ends = this.gears.flatMap(({ ends, radii }) => ends.map((end, side) => ({ ...end, radius: radii[side] })));
+    const ends = this.gears.flatMap(({ ends, radii, thread }) =>
+      ends.map((end, side) => ({ ...end, radius: radii[side] })).slice(thread ? 1 : 0),
+    );
     return ends
       .filter((end) => end.link === link && end.radius > 0)
       .filter((end, i, own) => own.findIndex((other) => isSameWheel(other, end, this.extent)) === i);
+  }
+
+  /** Worms of a link: its end of the gear, points along the thread, and the radius. */
+  worms(link) {
+    return this.gears
+      .filter(({ thread, links }) => thread && links[0] === link)
+      .map(({ ends, radii, thread }) => ({ ...ends[0], radius: radii[0], thread: thread.map(vector) }));
   }
 
   /** Cams of a link: their outlines, and whether the body is inside of them. */

@@ -162,7 +162,7 @@ function drawThread(group, from, to, unit, material) {
   }
 }
 
-/** Pitch circles as rings with spokes, and the runs of belts. */
+/** Pitch circles as rings with spokes, worms, and the runs of belts. */
 function drawWheels(group, mechanism, k, palette, unit) {
   const material = k === 0 ? palette.frame : palette.link(k).solid;
   for (const { at, axis, x, radius } of mechanism.wheels(k)) {
@@ -175,6 +175,12 @@ function drawWheels(group, mechanism, k, palette, unit) {
       const spoke = x.clone().applyAxisAngle(axis, (2 * Math.PI * i) / 3);
       group.add(rod(at, at.clone().addScaledVector(spoke, radius), 0.4 * unit, material));
     }
+  }
+  for (const { at, axis, radius, thread } of mechanism.worms(k)) {
+    const [from, to] = [thread[0], thread.at(-1)].map((end) => at.clone().addScaledVector(axis, end.clone().sub(at).dot(axis)));
+    group.add(rod(from, to, 0.8 * radius, material));
+    const line = new THREE.CatmullRomCurve3(thread);
+    group.add(new THREE.Mesh(new THREE.TubeGeometry(line, 3 * thread.length, 0.25 * radius, 8), material));
   }
   for (const [from, to] of mechanism.belts(k)) group.add(rod(from, to, 0.35 * unit, palette.rod));
 }

@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
-from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
+from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
 from .planar_shapes import around, distinct, jointed, lighter, link_colour
 
 if TYPE_CHECKING:
@@ -113,12 +113,14 @@ def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str
 
 
 def _draw_wheels(ax: Axes3D, posture: Posture) -> None:
-    """Pitch circles with a spoke, belts."""
+    """Pitch circles with a spoke, threads of worms, belts."""
     for link, marker, radius in wheels(posture.scene.description):
         frame = frame_of(posture, link, marker)
         circle = rim(*frame, radius)
         ax.plot(*circle.T, color=link_colour(link), linewidth=1.6)
         ax.plot(*np.array([frame[0], circle[0]]).T, color=link_colour(link), linewidth=0.8)
+    for worm in worms(posture.scene.description):
+        ax.plot(*thread(posture, worm).T, color=link_colour(worm["links"][0]), linewidth=1.6)
     for joint in posture.scene.description["joints"]:
         if joint["type"] == "belt":
             for run in belt_runs(posture, joint):

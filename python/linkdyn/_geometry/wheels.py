@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from .postures import Posture, Postures
 
-__all__ = ["belt_runs", "frame_of", "is_geared", "pitch_point", "rim", "rims", "runs_in_carrier", "wheels"]
+__all__ = ["belt_runs", "frame_of", "is_geared", "pitch_point", "rim", "rims", "runs_in_carrier", "thread", "thread_in_link", "worms", "wheels"]
 
 Points = NDArray[np.float64]
 Wheel = tuple[int, str, float]
 """Link, marker of its centre, radius [m]."""
 
 GEARED = ("gear", "rack", "belt")
+
+TURNS = 3
+"""Of a worm's thread in pictures: so many turns it has, but is no longer than so many pitch diameters."""
 
 
 def is_geared(joint: dict[str, Any]) -> bool:
@@ -26,11 +29,11 @@ def is_geared(joint: dict[str, Any]) -> bool:
 
 
 def wheels(description: dict[str, Any]) -> list[Wheel]:
-    """All pitch circles, each once."""
+    """All pitch circles, each once; worms have threads instead."""
     found = [
         (link, marker, round(radius, 12))
         for joint in description["joints"] if is_geared(joint)
-        for link, marker, radius in zip(joint["links"], joint["markers"], joint["radii"]) if radius > 0
+        for link, marker, radius in list(zip(joint["links"], joint["markers"], joint["radii"]))[1 if joint["lead_angle"] else 0 :] if radius > 0
     ]
     return list(dict.fromkeys(found))
 
@@ -51,8 +54,34 @@ def frame_of(posture: Posture | Postures, link: int, marker: str) -> tuple[Point
 
 
 def rims(postures: Postures) -> Iterable[Points]:
-    """(N, n, 3) of each pitch circle: pictures have room for them."""
-    return [rim(*frame_of(postures, link, marker), radius, 9) for link, marker, radius in wheels(postures.scene.description)]
+    """(N, n, 3) of each pitch circle and thread: pictures have room for them."""
+    circles = [rim(*frame_of(postures, link, marker), radius, 9) for link, marker, radius in wheels(postures.scene.description)]
+    return circles + [thread(postures, joint) for joint in worms(postures.scene.description)]
+
+
+def worms(description: dict[str, Any]) -> list[dict[str, Any]]:
+    """All gears whose first wheel is a worm."""
+    return [joint for joint in description["joints"] if is_geared(joint) and joint["lead_angle"]]
+
+
+def thread(posture: Posture | Postures, worm: dict[str, Any], n: int = 121) -> Points:
+    """(..., n, 3) points along the thread of a worm, about where it touches its wheel."""
+    centre, axis, x = frame_of(posture, worm["links"][0], worm["markers"][0])
+    radius, rise = worm["radii"][0], worm["radii"][0] * np.tan(worm["lead_angle"])
+    middle = centre + _part(pitch_point(posture, worm) - centre, axis)
+    most = min(TURNS * np.pi, TURNS * radius / abs(rise))
+    angles = np.linspace(-most, most, n)[:, np.newaxis]
+    around = np.cos(angles) * x[..., np.newaxis, :] + np.sin(angles) * np.cross(axis, x)[..., np.newaxis, :]
+    line: Points = middle[..., np.newaxis, :] + radius * around + rise * angles * axis[..., np.newaxis, :]
+    return line
+
+
+def thread_in_link(postures: Postures, worm: dict[str, Any], sample: int) -> list[list[float]]:
+    """The thread in the axes of the worm's link."""
+    posture, link, name = postures.at(sample), worm["links"][0], worm["markers"][0]
+    own = next(marker["at"] for marker in postures.scene.description["links"][link]["markers"] if marker["name"] == name)
+    line: list[list[float]] = (own + (thread(posture, worm) - posture.markers[link][name]) @ postures.turns[link][sample]).round(9).tolist()
+    return line
 
 
 def pitch_point(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
@@ -69,6 +98,9 @@ def pitch_point(posture: Posture | Postures, joint: dict[str, Any]) -> Points:
         point = start + apart - _part(apart, axis)
         return point
     across = apart - _part(apart, axis)
+    if joint["lead_angle"]:
+        start = start + _part(apart, axis)
+        across = across - _part(across, posture.axes[b][second])
     length = np.linalg.norm(across, axis=-1, keepdims=True)
     inside = joint["crossed"] and joint["radii"][1] > joint["radii"][0]
     point = start + (-1.0 if inside else 1.0) * joint["radii"][0] * across / np.where(length > 0, length, 1.0)

@@ -14,7 +14,7 @@ from .._drawing.forces import Forces, find_forces
 from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of
-from .._geometry.wheels import is_geared, runs_in_carrier
+from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
 from ..scene import Scene
@@ -173,6 +173,8 @@ def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) ->
         return seen | {"outlines": [line[:-1].round(9).tolist() for line in lines], "roller_axis": axis.round(9).tolist(), "face_radius": face_radius(lines)}
     if joint["type"] == "belt":
         return joint | {"runs": runs_in_carrier(postures, joint, int(held[0]))}
+    if joint.get("lead_angle"):
+        return joint | {"thread": thread_in_link(postures, joint, int(held[0]))}
     if joint["type"] == "planar":
         return joint | {"field": postures.field(joint, held)}
     return joint | {"travel": list(postures.travel(joint, held))} if joint["type"] in SLIDING else joint
