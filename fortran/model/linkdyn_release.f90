@@ -411,19 +411,34 @@ contains
         integer, intent(in) :: sure(:)                  !! moves that are taken in any case
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: best(:)
-        integer, allocatable :: near(:)
-        integer :: way, p
+        type(stressed_pose), allocatable :: near(:)
+        integer :: way
         real(wp) :: score
 
         way = maxval(pose%n_stride)
         do
-            near = pack([(p, p=1, size(pose))], pose%n_stride <= way)
-            call choose_release(pose(near), move, sure, gears_first, best, score)
+            call take_near()
+            call choose_release(near, move, sure, gears_first, best, score)
             if (way == 0 .or. score >= not_leapt_over) exit
             way = way/2
         end do
-        if (.not. allocated(best)) &
-            call choose_release(clear_poses(pose(near), move, sure, gears_first), move, sure, gears_first, best)
+        if (.not. allocated(best)) call choose_release(clear_poses(near, move, sure, gears_first), move, sure, gears_first, best)
+
+    contains
+
+        !> One by one: gfortran 12 never frees what components of pose([..]) hold.
+        subroutine take_near()
+            integer :: p, n
+
+            if (allocated(near)) deallocate (near)
+            allocate (near(count(pose%n_stride <= way)))
+            n = 0
+            do p = 1, size(pose)
+                if (pose(p)%n_stride > way) cycle
+                n = n + 1
+                near(n) = pose(p)
+            end do
+        end subroutine take_near
     end subroutine choose_on_way
 
     !> The best of all beginnings; nothing if none of them leaves the joints enough in every pose.

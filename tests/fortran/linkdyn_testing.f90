@@ -92,8 +92,8 @@ contains
         if (allocated(error%message)) return
         do i = 1, size(got)
             if (abs(got(i) - want(i)) <= tol) cycle
-            write (numbers, "(a, i0, 3(a, es26.17e3))") &
-                " (element ", i, "): got ", got(i), ", want ", want(i), ", tolerance ", tol
+            write (numbers, "(a, i0, 2(a, es26.17e3), 2(a, es11.2e3))") &
+                " (element ", i, "): got ", got(i), ", want ", want(i), ", off by", got(i) - want(i), ", tolerance", tol
             call check(error, .false., what//trim(numbers))
             return
         end do

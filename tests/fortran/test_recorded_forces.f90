@@ -44,6 +44,8 @@ module test_recorded_forces
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
+    !> The directions that joints let go of have, at the worst pose on the way, an eighth of the self-stress: that divides rounding.
+    real(wp), parameter :: let_go = 8*rounding
     !> Takes long to be led from its start by lanes: asked for once.
     character(len=*), parameter :: large = "hexaglide"
 
@@ -243,11 +245,9 @@ contains
 
         tolerance = rounding
         n_vague = 0
-        if (present(accuracy)) then
-            tolerance = accuracy
-            ! where forces scatter about as much as they may, roads that round otherwise say the one or the other
-            n_vague = size(batch%q, 2)/50
-        end if
+        if (present(accuracy)) tolerance = accuracy
+        ! where forces scatter about as much as they may, roads that round otherwise say the one or the other
+        if (tolerance > let_go) n_vague = size(batch%q, 2)/50
 
         if (present(in_order)) then
             call run_road(error, model, batch, .false., lanes, trail(1))
@@ -336,9 +336,9 @@ contains
             if (allocated(error%message)) return
             call check(error, model%share%n > 0, trim(shared(i))//": the equations leave something open")
             call follow_motion(model, batch)
-            call compare_roads(error, trim(shared(i))//" in order", model, batch, in_order=.true.)
+            call compare_roads(error, trim(shared(i))//" in order", model, batch, in_order=.true., accuracy=let_go)
             call move_at_random(model, 140, 0.01_wp, batch)
-            call compare_roads(error, trim(shared(i))//" about its start", model, batch)
+            call compare_roads(error, trim(shared(i))//" about its start", model, batch, accuracy=let_go)
         end do
     end subroutine test_over_constrained
 
