@@ -106,6 +106,7 @@ contains
         do i = 1, size(model%contact)
             if (.not. is_mesh(model%contact(i))) cycle
             similar%contact(i)%radius = scale*model%contact(i)%radius
+            similar%contact(i)%pass = model%contact(i)%pass
             similar%contact(i)%slant = model%contact(i)%slant
             similar%contact(i)%back = model%contact(i)%back
         end do
@@ -158,6 +159,7 @@ contains
                 similar%gear(i)%total = scale*model%gear(i)%total
                 similar%gear(i)%radius = scale*model%gear(i)%radius
                 similar%gear(i)%curvature = model%gear(i)%curvature/scale
+                similar%gear(i)%distance = scale*model%gear(i)%distance
                 similar%gear(i)%pitch = scale*model%gear(i)%pitch
                 if (spec%kind == joint_belt) scaled%wheel = scale*spec%wheel
                 if (spec%kind == joint_rack) scaled%phase = scale*spec%phase
@@ -168,6 +170,8 @@ contains
                 belt%gear%couple = scale*belt%gear%couple
                 belt%gear%total = scale*belt%gear%total
                 belt%gear%radius = scale*belt%gear%radius
+                belt%gear%curvature = belt%gear%curvature/scale
+                belt%gear%distance = scale*belt%gear%distance
                 belt%gear%pitch = scale*belt%gear%pitch
                 belt%lever = scale*belt%lever
                 belt%weight = scale*belt%weight

@@ -218,8 +218,8 @@ contains
                 else if (carried(2) > 0) then
                     what = what//", "//counted(carried(2), "moment")
                 end if
-                if (any(model%contact%joint == j)) what = what//", friction"//worm_in_words(model, j)
                 if (joint%belt > 0) what = "none: its strands pull as far as they are stretched"
+                if (any(model%contact%joint == j)) what = what//", friction"//worm_in_words(model, j)
                 write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%told_kind), what
             end associate
         end do

@@ -2,14 +2,17 @@
 !> `linkdyn_contact`.
 module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
+    use linkdyn_belts, only: strand_forces
     use linkdyn_bodies, only: world_axes, omega_of, point_position
     use linkdyn_contact, only: contact_type, is_mesh, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
-        form_thread, form_plate, form_cam, form_mesh, form_worm
+        form_thread, form_plate, form_cam, form_mesh, form_worm, form_belt
     use linkdyn_cam, only: cam
     use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_joint_table, only: joint_belt
     use linkdyn_joint_variables, only: joint_rates, move_pair
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, marker_point, pair_of, wheel_wrench, wheel_push
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame, marker_point, pair_of, wheel_wrench, wheel_push, &
+        belt_wrench
     use linkdyn_value, only: value, constant, zero, one, is_zero, abs, sqrt, square, max, select, operator(+), &
         operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -61,6 +64,9 @@ contains
                     call pass_cam(mechanism, contact%joint, motion)
                 else if (contact%form == form_worm) then
                     call pass_thread(mechanism, contact%joint, motion)
+                else if (contact%form == form_belt) then
+                    call pass_belt(mechanism, contact%joint, motion)
+                    motion%way = way_of_power(mechanism, i)
                 else if (contact%form == form_ball .or. contact%form == form_mesh) then
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
@@ -96,20 +102,56 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
         type(value) :: way
-        type(vector) :: force, couple, spin
-        integer :: g, carrier
+        type(vector) :: force, couple
 
         way = one()
         associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
             if (contact%slant == contact%back) return  ! it does not matter
-            g = mechanism%model%joint(contact%joint)%gear
-            carrier = mechanism%model%gear(g)%carrier
-            call wheel_wrench(mechanism, g, 1, force, couple)
-            spin = omega_of(bodies, mechanism%model%joint(contact%joint)%link(1), world_axes) &
-                   - omega_of(bodies, carrier, world_axes)
-            way = select(turned(bodies, couple, bodies%body(carrier)%turning, 0) .dot. spin, one(), -one())
+            call unit_wrench(mechanism, contact%joint, 1, force, couple)
+            way = select(turned(bodies, couple, bodies%body(carrier_of(mechanism, contact%joint))%turning, 0) &
+                         .dot. spin_of(mechanism, contact%joint, 1), one(), -one())
         end associate
     end function way_of_power
+
+    !> What a unit along the pitch circles does to a wheel, as `wheel_wrench` has it; of belts that stretch, too.
+    subroutine unit_wrench(mechanism, j, side, force, couple)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, side                 !! joint, side: 1 or 2
+        type(vector), intent(out) :: force, couple
+        type(vector) :: line, lever
+
+        associate (joint => mechanism%model%joint(j))
+            if (joint%gear > 0) then
+                call wheel_wrench(mechanism, joint%gear, side, force, couple)
+            else
+                call belt_wrench(mechanism, joint%belt, side, force, couple, line, lever)
+            end if
+        end associate
+    end subroutine unit_wrench
+
+    !> The link in which both wheels turn.
+    integer function carrier_of(mechanism, j)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j                       !! joint
+
+        associate (model => mechanism%model)
+            if (model%joint(j)%gear > 0) then
+                carrier_of = model%gear(model%joint(j)%gear)%carrier
+            else
+                carrier_of = model%belt(model%joint(j)%belt)%gear%carrier
+            end if
+        end associate
+    end function carrier_of
+
+    !> Angular velocity of a wheel in the carrier, world axes.
+    function spin_of(mechanism, j, side) result(spin)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, side                 !! joint, side: 1 or 2
+        type(vector) :: spin
+
+        spin = omega_of(mechanism%bodies, mechanism%model%joint(j)%link(side), world_axes) &
+               - omega_of(mechanism%bodies, carrier_of(mechanism, j), world_axes)
+    end function spin_of
 
     !> How a follower passes its cam where both touch: the velocity of the one against the other, of a roller that with which it rolls.
     subroutine pass_cam(mechanism, j, motion)
@@ -143,18 +185,38 @@ contains
 
         motion%axis = zero_vector()
         motion%way = one()
-        associate (bodies => mechanism%bodies, joint => mechanism%model%joint(j), &
-                   carrier => mechanism%model%gear(mechanism%model%joint(j)%gear)%carrier)
-            call wheel_push(mechanism, joint%gear, push, pitch)
-            pitch = point_position(bodies, carrier, pitch)
-            do side = 1, 2
-                motion%arm = pitch - point_position(bodies, joint%link(side), marker_point(mechanism, j, side))
-                passes(side) = (omega_of(bodies, joint%link(side), world_axes) - omega_of(bodies, carrier, world_axes)) &
-                               .cross.motion%arm
-            end do
-        end associate
+        call wheel_push(mechanism, mechanism%model%joint(j)%gear, push, pitch)
+        pitch = point_position(mechanism%bodies, carrier_of(mechanism, j), pitch)
+        do side = 1, 2
+            motion%arm = pitch - place_of_marker(mechanism, j, side)
+            passes(side) = spin_of(mechanism, j, side) .cross.motion%arm
+        end do
         motion%slide = passes(2) - passes(1)
     end subroutine pass_thread
+
+    function place_of_marker(mechanism, j, side) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, side                 !! joint, side: 1 or 2
+        type(vector) :: p                              !! world axes [m]
+
+        p = point_position(mechanism%bodies, mechanism%model%joint(j)%link(side), marker_point(mechanism, j, side))
+    end function place_of_marker
+
+    !> How the wheels of a belt turn against each other, if it is crossed; else how they pass each other half way between their axes. Both
+    !> have a couple that brakes each of them alike.
+    subroutine pass_belt(mechanism, j, motion)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j                       !! joint
+        type(contact_motion), intent(inout) :: motion
+
+        motion%axis = zero_vector()
+        if (mechanism%model%scene%joint(j)%is_turned_over) then
+            motion%turn = spin_of(mechanism, j, 2) - spin_of(mechanism, j, 1)
+        else
+            motion%arm = 0.5_wp*(place_of_marker(mechanism, j, 1) - place_of_marker(mechanism, j, 2))
+            motion%slide = (spin_of(mechanism, j, 1) + spin_of(mechanism, j, 2)) .cross.motion%arm
+        end if
+    end subroutine pass_belt
 
     !> The rate of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
     !> rounding it is taken to slide at a speed that is none.
@@ -221,7 +283,7 @@ contains
         press = zero()
         associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
             if (is_mesh(contact)) then
-                press(7) = motion%way*force_of_teeth(mechanism, mechanism%model%joint(contact%joint)%gear, reaction)
+                press(7) = motion%way*force_along(mechanism, contact%joint, reaction)
                 return
             end if
             if (contact%form == form_ball .or. contact%form == form_cam) then
@@ -249,20 +311,31 @@ contains
         end associate
     end function pressing_parts
 
-    !> The force along the pitch circles, from the reaction of a gear or rack.
-    function force_of_teeth(mechanism, g, reaction) result(size)
+    !> The force along the pitch circles, from the reaction of a gear, rack or belt, or from how far a belt is stretched.
+    function force_along(mechanism, j, reaction) result(size)
         type(mechanism_type), intent(in) :: mechanism
-        integer, intent(in) :: g
+        integer, intent(in) :: j                       !! joint
         type(acting_type), intent(in) :: reaction
         type(value) :: size
-        type(vector) :: direction, couple
+        type(vector) :: direction, couple, whole
+        type(value) :: tension(2)
 
-        call wheel_wrench(mechanism, g, 2, direction, couple)
-        associate (bodies => mechanism%bodies, carrier => mechanism%model%gear(g)%carrier)
-            size = (direction .dot. turned(bodies, reaction%force, reaction%turning, bodies%body(carrier)%turning)) &
+        associate (bodies => mechanism%bodies, joint => mechanism%model%joint(j))
+            if (joint%belt > 0) then
+                tension = strand_forces(mechanism, joint%belt)
+                size = tension(1) - tension(2)
+                return
+            end if
+            call unit_wrench(mechanism, j, 2, direction, couple)
+            whole = reaction%force
+            if (joint%told_kind == joint_belt) then    ! with equal radii it is a moment alone
+                direction = couple
+                whole = reaction%moment
+            end if
+            size = (direction .dot. turned(bodies, whole, reaction%turning, bodies%body(carrier_of(mechanism, j))%turning)) &
                    /(direction.dot.direction)
         end associate
-    end function force_of_teeth
+    end function force_along
 
     !> The force that presses, from what a contact feels.
     function pressing_force(mechanism, i, press) result(force)

@@ -12,11 +12,12 @@
 !>
 !> Teeth slide as their wheels turn against each other, w: friction is a couple between these, and what presses is in proportion to the
 !> force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`). A worm's thread slides on
-!> the teeth of its wheel where their pitch surfaces touch, and what rubs there is a force.
+!> the teeth of its wheel where their pitch surfaces touch, and what rubs there is a force. A belt or chain takes the same couple from both of
+!> its wheels as they turn in their carrier: if it is open a force half way between them, across, where they pass each other.
 module linkdyn_contact
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_planar, joint_screw, joint_cam, joint_gear, joint_rack
+        joint_planar, joint_screw, joint_cam, joint_gear, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
@@ -24,7 +25,7 @@ module linkdyn_contact
     public :: contact_type, list_contacts, is_turning, is_mesh, friction_of_speed, sliding_coefficient, lever_of, n_press, &
         pressing, pressing_slope, has_settled, most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh, &
-        form_worm
+        form_worm, form_belt
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
     integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
@@ -38,6 +39,7 @@ module linkdyn_contact
     integer, parameter :: form_cam = 9       !! where a cam is touched; of a roller the pin about which it turns
     integer, parameter :: form_mesh = 10     !! teeth of two wheels, or of a wheel and a rack
     integer, parameter :: form_worm = 11     !! a worm's thread on the teeth of its wheel
+    integer, parameter :: form_belt = 12     !! a belt or chain as it runs on and off its wheels
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
@@ -58,7 +60,8 @@ module linkdyn_contact
         real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis; of teeth over that along the
                                               !! pitch circles, while the first wheel drives
         real(wp) :: back = 1                  !! the same while the second does
-        real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it
+        real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it; of a belt
+                                              !! that of the belt over that with which its wheels pass each other half way
         real(wp) :: slide_damping = 0         !! [N s/m]
         real(wp) :: turn_damping = 0          !! [N m s]
     end type contact_type
@@ -133,6 +136,9 @@ contains
                 one%form = form_mesh
                 if (scene%joint(friction%joint)%lead_angle /= 0) one%form = form_worm
                 contact = [one]
+            case (joint_belt)
+                one%form = form_belt
+                contact = [one]
             case default
                 allocate (contact(0))
             end select
@@ -157,11 +163,11 @@ contains
         is_turning = any(kind == [joint_revolute, joint_universal, joint_spherical, joint_screw])
     end function is_turning
 
-    !> Teeth: what presses them is in proportion to their force along the pitch circles.
+    !> Teeth or a belt: what presses is in proportion to the force along the pitch circles.
     elemental logical function is_mesh(contact)
         type(contact_type), intent(in) :: contact
 
-        is_mesh = any(contact%form == [form_mesh, form_worm])
+        is_mesh = any(contact%form == [form_mesh, form_worm, form_belt])
     end function is_mesh
 
     !> The coefficient of a surface that slides, however slowly.

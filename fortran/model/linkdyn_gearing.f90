@@ -236,7 +236,7 @@ contains
             do side = 1, 2
                 call add_way(model, ways(side), gear%carrier, power(side), gear%weight)
             end do
-            if (joint%kind /= joint_belt .and. .not. is_worm(model, j)) &
+            if (joint%told_kind /= joint_belt .and. .not. is_worm(model, j)) &
                 gear%curvature = curvatures(wheel, power, joint%kind == joint_rack)
             gear%second = power(2)
             gear%total = power(2)*model%scene%joint(j)%phase
@@ -612,6 +612,8 @@ contains
                 return
             end if
             gear%radius = spec%wheel
+            gear%curvature = 1/spec%wheel
+            gear%distance = distance
             gear%pitch = (wheel(1)%point + wheel(2)%point)/2
             gear%couple(:, 1) = first*z
             gear%couple(:, 2) = spec%wheel(2)*z

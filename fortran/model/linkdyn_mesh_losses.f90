@@ -8,9 +8,11 @@
 !> A worm's thread slides along itself. What presses its flank is N = F/(cos(lead angle) cos(pressure angle)), and with the angle of friction
 !> rho, tan rho = mu/cos(pressure angle), it has the efficiency tan(lead angle)/tan(lead angle + rho); driven by its wheel
 !> tan(lead angle - rho)/tan(lead angle).
+!>
+!> A belt or chain brakes both of its wheels with the same couple m: the first takes F v + m c1 v and the second gives F v - m c2 v.
 module linkdyn_mesh_losses
     use linkdyn_constants, only: pi
-    use linkdyn_contact, only: contact_type, is_mesh, form_worm
+    use linkdyn_contact, only: contact_type, is_mesh, form_worm, form_belt
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_scene, only: joint_spec, joint_kind_name
@@ -36,6 +38,8 @@ contains
                 k = findloc(model%scene%friction%joint, j, dim=1)
                 if (model%contact(i)%form == form_worm) then
                     call shape_worm(model%scene%friction(k)%efficiency, model%scene%joint(j), model%contact(i))
+                else if (model%contact(i)%form == form_belt) then
+                    call shape_belt(model, j, model%scene%friction(k)%efficiency, model%contact(i), status)
                 else if (model%scene%friction(k)%efficiency > 0) then
                     call shape_by_efficiency(model%scene%friction(k)%efficiency, model%gear(model%joint(j)%gear), &
                                              model%scene%joint(j), model%contact(i), status)
@@ -45,6 +49,26 @@ contains
             end associate
         end do
     end subroutine shape_meshes
+
+    !> The speed is that of the belt. Wheels of an open one pass each other half way with (c1 + c2) of it times half their distance.
+    subroutine shape_belt(model, j, efficiency, contact, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j                       !! joint
+        real(wp), intent(in) :: efficiency
+        type(contact_type), intent(inout) :: contact
+        type(status_type), intent(inout) :: status
+        type(gear_type) :: gear
+
+        if (model%joint(j)%gear > 0) then
+            gear = model%gear(model%joint(j)%gear)
+        else
+            gear = model%belt(model%joint(j)%belt)%gear
+        end if
+        call shape_by_efficiency(efficiency, gear, model%scene%joint(j), contact, status)
+        if (model%scene%joint(j)%is_turned_over) return
+        contact%pass = 2*contact%radius/gear%distance
+        contact%radius = 0
+    end subroutine shape_belt
 
     !> What presses a worm's flank, or what rubs there, over the force along the pitch circle of its wheel.
     pure subroutine shape_worm(efficiency, spec, contact)

@@ -101,7 +101,8 @@ module linkdyn_model
         real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
         real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
         real(wp) :: curvature(2) = 0          !! of teeth: what each wheel adds to how fast both turn against each other, over the speed
-                                              !! of the pitch circles; below zero of a ring, zero of a rack [1/m]
+                                              !! of the pitch circles; below zero of a ring, zero of a rack; of a belt 1/radius [1/m]
+        real(wp) :: distance = 0              !! between the axes of a belt's wheels [m]
         real(wp) :: push(3) = 0               !! drives the second link off, for a unit of the force's size; carrier axes
         integer, allocatable :: carries(:)    !! joints that hold both wheels against it: j takes it, -j its opposite
         real(wp), allocatable :: weight(:)    !! of the joint variables in the sum that stays (n_variable)

@@ -1,7 +1,7 @@
 !> The tables [[friction]] of a scene file.
 module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
-    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
+    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, joint_gear, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name, follower_roller
@@ -58,14 +58,12 @@ contains
         if (.not. status%is_ok()) return
         associate (joint => scene%joint(friction%joint))
             place%what = "friction at joint "//quoted(joint%name)
-            if (joint%kind == joint_gear .or. joint%kind == joint_rack) then
+            if (is_geared(joint%kind)) then
                 call read_mesh(place, joint%kind, friction, status)
                 return
             end if
-            if (joint%kind == joint_fixed .or. joint%kind == joint_belt) call refuse_value(place, "joint", &
-                place%node%get("joint"), "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs " &
-                //"(expected one that turns or slides)", &
-                status)
+            if (joint%kind == joint_fixed) call refuse_value(place, "joint", place%node%get("joint"), &
+                "is a fixed joint, in which nothing rubs (expected one that turns or slides)", status)
             call allow_keys(place, [character(len=key_len) :: "joint", "coulomb", "static", "stribeck_speed", "creep_speed", &
                 "viscous", "radius", "length", "collar", "preload", "sticking", "efficiency"], status)
             call refuse_foreign_keys(place, joint%kind, scene%planar, status)
@@ -99,7 +97,7 @@ contains
         end associate
     end subroutine read_friction
 
-    !> What teeth lose: by their efficiency, or by how they rub.
+    !> What teeth and belts lose: by their efficiency, or by how teeth rub.
     subroutine read_mesh(place, kind, friction, status)
         type(scene_place), intent(in) :: place
         integer, intent(in) :: kind
@@ -121,11 +119,13 @@ contains
         else if (has_efficiency) then
             friction%coulomb = 1                       ! of what is lost
             friction%static = 1
+        else if (.not. has_coulomb .and. kind /= joint_gear) then
+            call refuse_missing(place, "efficiency", "what comes out of the power that goes in, for example '97 %'", status)
         else if (.not. has_coulomb) then
             call refuse(place, "missing key 'efficiency' or 'coulomb' (expected one of both)", status)
-        else if (kind == joint_rack) then
-            call refuse_value(place, "coulomb", place%node%get("coulomb"), "needs teeth, whose number a rack does not tell "// &
-                              "(expected 'efficiency')", status)
+        else if (kind /= joint_gear) then
+            call refuse_value(place, "coulomb", place%node%get("coulomb"), "needs teeth, whose number a "// &
+                              trim(joint_kind_name(kind))//" does not tell (expected 'efficiency')", status)
         end if
     end subroutine read_mesh
 

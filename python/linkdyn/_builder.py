@@ -846,7 +846,7 @@ class Builder:
         sticking
             True: in forward runs it holds what rests, as a `clutch` does.
         efficiency
-            Of the teeth of a gear or rack, instead of `coulomb`; of a worm while it drives.
+            Of the teeth of a gear or rack, instead of `coulomb`, or of a belt; of a worm while it drives.
         repeat
             Copies.
         """

@@ -1,4 +1,4 @@
-"""Losses in the meshes of gears: by the textbook's efficiencies of planetary stages, by teeth that slide on each other, by the balance of power."""
+"""Losses in the meshes of gears and of belts: by the textbook's efficiencies of planetary stages, by teeth that slide on each other, by the balance of power."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from linkdyn._geometry import kinematics
+from test_balance_of_links import acting, both_links, inertia_and_weight
 from test_designs import check_all_numbers
 from test_gears import FREE, PLANAR, SPATIAL, gear, hinge, pair, planar, planetary, rack_and_pinion
 from test_joint_kinds import along, check_roads
@@ -27,11 +29,18 @@ def steady(scene: dict[str, Any], rate: float = 35.0) -> dict[str, Any]:
 
 def with_losses(scene: dict[str, Any], **more: Any) -> dict[str, Any]:
     """Every mesh loses something."""
-    meshes = [joint["name"] for joint in scene["joint"] if joint["type"] in ("gear", "rack")]
+    meshes = [joint["name"] for joint in scene["joint"] if joint["type"] in ("gear", "rack", "belt")]
     return copy.deepcopy(scene) | {"friction": [{"joint": name, **(more or {"efficiency": 0.97 - 0.01 * k})} for k, name in enumerate(meshes)]}
 
 
-SINGLE = {"external": pair(), "internal": pair(mesh="internal"), "rack": rack_and_pinion()}
+def two_pulleys(radii: tuple[float, float], run: str = "open", **more: Any) -> dict[str, Any]:
+    scene = pair()
+    scene["joint"][2] = {"name": "G", "type": "belt", "between": ["pinion.A", "wheel.B"], "radii": list(radii), "run": run, **more}
+    return scene
+
+
+BELTS = {"belt": two_pulleys((0.06, 0.15)), "equal pulleys": two_pulleys((0.08, 0.08)), "crossed belt": two_pulleys((0.12, 0.06), "crossed")}
+SINGLE = {"external": pair(), "internal": pair(mesh="internal"), "rack": rack_and_pinion()} | BELTS
 
 
 @pytest.mark.parametrize("name", SINGLE)
@@ -48,6 +57,67 @@ def test_what_comes_out_of_what_goes_in(name: str, rate: float, load: float) -> 
     into, out = np.where(taken > 0, drive, -taken), np.where(taken > 0, taken, -drive)
     np.testing.assert_allclose(out, 0.93 * into, rtol=1e-12)
     np.testing.assert_allclose(run.friction_power.sel(joint="G"), 0.07 * into, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", BELTS)
+@pytest.mark.parametrize("load", [8.0, -8.0])
+def test_shafts_of_belts(name: str, load: float) -> None:
+    """Both wheels with their belt are in balance: across the line of centres bearings take what the torques of both leave, along it nothing."""
+    scene = with_losses(steady(BELTS[name]), efficiency=0.93) | {"load": [{"on": "wheel.B", "moment": load}]}
+    run = linkdyn.Scene(scene).inverse()
+    apart = np.subtract(scene["frame"]["markers"]["B"], scene["frame"]["markers"]["A"])
+    drive = run.driving_force.values[0, 0]
+    across = np.array([-apart[1], apart[0]]) / (apart @ apart)
+    np.testing.assert_allclose(run.reaction.sel(joint="B").values[0], [*(-(drive + load) * across), 0], atol=1e-11)
+    np.testing.assert_allclose(run.reaction.sel(joint="A").values[0], [*((drive + load) * across), 0], atol=1e-11)
+    # each wheel loses the same couple
+    radii = scene["joint"][2]["radii"]
+    force = run.reaction.sel(joint="G").values[0, 2] / radii[1]
+    sign = -1 if scene["joint"][2]["run"] == "crossed" else 1
+    lost = abs(drive - sign * radii[0] * force), abs(-load - radii[1] * force)
+    np.testing.assert_allclose(*lost, rtol=1e-11)
+
+
+@pytest.mark.parametrize("run", ["open", "crossed"])
+@pytest.mark.parametrize("pull", [0.4e-3, -0.4e-3])
+@pytest.mark.parametrize("rate", [20.0, -20.0])
+def test_strands_that_lose(run: str, pull: float, rate: float) -> None:
+    """Each wheel gets the difference of the tensions, less or more the couple that the efficiency makes of it."""
+    r1, r2, efficiency, stiffness = 0.06, 0.15, 0.9, 2e5
+    sign = -1 if run == "crossed" else 1
+    scene = with_losses(steady(two_pulleys((r1, r2), run, strands={"stiffness": stiffness, "pretension": 300.0})), efficiency=efficiency)
+    scene["coordinate"] = [along("A", {"law": "constant-rate", "rate": rate}),
+                           along("B", {"law": "constant-rate", "start": -sign * pull / r2, "rate": sign * rate * r1 / r2})]
+    scene["actuator"] = [{"joint": "A"}, {"joint": "B"}]
+    found = linkdyn.Scene(scene).inverse(want="all")
+    assert (found.status == 0).all() and np.abs(found.power_imbalance).max() < 1e-12
+    force = 2 * stiffness * sign * pull                 # forwards on the first wheel's rim the second gets it
+    first, second = (1 / r1, 1 / r2) if force * sign * rate > 0 else (1 / r2, 1 / r1)
+    couple = abs(force) * (1 - efficiency) / (second + efficiency * first)
+    way = np.sign(rate)
+    np.testing.assert_allclose(found.driving_force.values[:, 0], sign * r1 * force + way * couple, rtol=1e-9)
+    np.testing.assert_allclose(found.driving_force.values[:, 1], -r2 * force + sign * way * couple, rtol=1e-9)
+    np.testing.assert_allclose(found.friction_power.sel(joint="G"), couple * abs(rate) * (1 + r1 / r2), rtol=1e-9)
+
+
+def stretching(run: str, load: float) -> dict[str, Any]:
+    """One shaft turns evenly, the other is free and has a load; damping lets what swings die out."""
+    scene = with_losses(two_pulleys((0.06, 0.15), run, strands={"stiffness": 2e4, "damping": 400.0, "pretension": 300.0}), efficiency=0.9)
+    scene["gravity"] = [0, 0]
+    scene["coordinate"] = [along("A", {"law": "constant-rate", "rate": 20.0}, driven=True), {"joint": "B", "start": {"velocity": (-8.0 if run == "crossed" else 8.0)}}]
+    return scene | {"actuator": [{"joint": "A"}, {"joint": "B", "law": {"type": "constant", "value": load}}]}
+
+
+@pytest.mark.parametrize("run", ["open", "crossed"])
+@pytest.mark.parametrize("load", [20.0, -20.0])
+def test_strands_that_lose_in_a_run(run: str, load: float) -> None:
+    """Once both turn evenly, what arrives is the part that the efficiency says."""
+    found = linkdyn.Scene(stretching(run, load)).forward(t=[0.0, 2.0, 3.0], rtol=1e-10, atol=1e-10, want="all")
+    assert (found.status == 0).all()
+    drive, taken = found.driving_power.values[-1, 0], -load * found.qd.values[-1, 1]
+    into, out = (drive, taken) if taken > 0 else (-taken, -drive)
+    np.testing.assert_allclose(out, 0.9 * into, rtol=1e-7)
+    np.testing.assert_allclose(found.friction_power.sel(joint="G").values[-1], 0.1 * into, rtol=1e-7)
 
 
 @pytest.mark.parametrize("load", [-84.0, 84.0])
@@ -164,11 +234,11 @@ def tangential(force: float, alpha: float) -> float:
     return force * float(np.cos(np.radians(alpha)))
 
 
-MESHES = {**{name: PLANAR[name] for name in ("pair", "internal", "planetary", "differential", "rack", "slider-crank", "rack on a slider", "sector")},
-          **{f"{name} in space": SPATIAL[name] for name in ("pair", "differential", "rack", "bevel")}}
+MESHES = {**{name: PLANAR[name] for name in ("pair", "internal", "planetary", "differential", "rack", "slider-crank", "rack on a slider", "sector", "belt", "crossed belt")},
+          **{f"{name} in space": SPATIAL[name] for name in ("pair", "differential", "rack", "bevel", "belt", "crossed belt")}}
 
 
-RUBBED = [(name, rubs) for name in MESHES for rubs in (False, True) if not (rubs and "rack" in name)]    # of racks an efficiency is told
+RUBBED = [(name, rubs) for name in MESHES for rubs in (False, True) if not (rubs and ("rack" in name or "belt" in name))]    # of racks and belts an efficiency is told
 
 
 @pytest.mark.parametrize(("name", "rubs"), RUBBED)
@@ -181,13 +251,38 @@ def test_every_road(name: str, rubs: bool) -> None:
     check_roads(with_losses(scene, **({"coulomb": 0.05, "static": 0.09, "stribeck_speed": 0.02} if rubs else {})), reduced=False)
 
 
-@pytest.mark.parametrize("name", [name for name in FREE if "belt" not in name])
+@pytest.mark.parametrize("name", FREE)
 def test_forward(name: str) -> None:
     """The forces found lead along the motion."""
     scene = with_losses(FREE[name])
     run = linkdyn.Scene(scene).forward(t=np.linspace(0, 1, 21), rtol=1e-10, atol=1e-10, want="all")
     np.testing.assert_allclose(run.q.values, linkdyn.Scene(scene).motion(run.time.values)[0], atol=2e-6)
     assert np.abs(run.power_imbalance).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["belt", "crossed belt"])
+def test_belts_every_link(name: str) -> None:
+    """In balance on a carrier that moves, in space."""
+    scene = linkdyn.Scene(with_losses(SPATIAL[name], efficiency=0.9))
+    run = scene.inverse(want="all")
+    motion = kinematics.link_motion(scene, run)
+    force, moment = inertia_and_weight(scene, motion)
+    mesh = next(k for k, joint in enumerate(scene.description["joints"]) if joint["type"] == "belt")
+    rubs = run.friction.values[:, mesh]
+    for link, point, pull, turn in [*acting(scene, run, motion), *both_links(scene.description["joints"][mesh], scene, motion, rubs[:, :3], rubs[:, 3:])]:
+        force[:, link] += pull
+        moment[:, link] += turn + np.cross(point - motion.position[:, link], pull)
+    size = np.abs(run.reaction.values).max()
+    assert np.abs(force[:, 1:]).max() < 1e-8 * size and np.abs(moment[:, 1:]).max() < 1e-8 * size
+
+
+def test_belt_beside_a_gear() -> None:
+    """A crossed belt and a gear that say the same: both lose, and share."""
+    scene = pair() | {"redundancy": "minimum-norm"}
+    scene["joint"].append({"name": "T", "type": "belt", "between": ["pinion.A", "wheel.B"], "radii": [0.04, 0.08], "run": "crossed"})
+    run = linkdyn.Scene(with_losses(scene, efficiency=0.9)).inverse(want="all")
+    assert (run.status == 0).all() and np.abs(run.power_imbalance).max() < 1e-12
+    assert (run.friction_power.sel(joint=["G", "T"]).values > 0).any(axis=0).all()
 
 
 def test_planets_that_share() -> None:
@@ -212,4 +307,15 @@ def test_designs_of_a_sweep() -> None:
     scene = with_losses(planetary()) | {"load": [{"on": "carrier.P", "moment": 8.0}]}
     scene["friction"][1] = {"joint": "PR", "coulomb": 0.06}
     scene["joint"][4]["pressure_angle"] = 0.4
+    assert check_all_numbers(scene, Path()) > 10
+
+
+@pytest.mark.parametrize("name", ["belt", "crossed belt"])
+def test_designs_of_belts(name: str) -> None:
+    assert check_all_numbers(with_losses(PLANAR[name], efficiency=0.9), Path()) > 10
+
+
+def test_designs_of_strands() -> None:
+    scene = stretching("open", 20.0)
+    scene["coordinate"][1] = along("B", {"law": "constant-rate", "start": 0.002, "rate": 8.0})
     assert check_all_numbers(scene, Path()) > 10
