@@ -98,7 +98,7 @@ FRICTION = {
     "screw": {"coulomb": 0.05, "radius": 0.01, "length": 0.3},
 }
 APART = {"ball_joint": "nothing drives it", "flat_cam_3d": "it rubs already", "preloaded_shaft": "its bearings share reactions",
-         "helical_reducer": "friction does not feel what drives its wheels apart"}
+         "helical_reducer": "friction does not feel what drives its wheels apart", "worm_drive": "nor here"}
 MECHANISMS = {
     path.parent.name + "/" + path.stem: path
     for path in [

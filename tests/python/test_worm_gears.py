@@ -277,6 +277,27 @@ def test_load_on_a_worm_that_nobody_holds(friction: dict[str, Any], holds: bool)
     np.testing.assert_allclose(run.qdd.values[3:, 0], expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("load", "solutions"), [(-50.0, 2), (50.0, 0)])
+def test_heavy_wheel_of_a_light_worm(load: float, solutions: int) -> None:
+    """The wheel's inertia against a thread that locks: where its load drives it no flank presses as it would have to, and the run says so; where
+    it brakes, either flank could, and that is taken which presses without friction."""
+    lead, alpha = np.radians(5), np.radians(20)
+    scene = worm_and_wheel(lead, pressure_angle=alpha) | {"gravity": [0, 0, 0]}
+    for link, inertia in zip(scene["link"], ([1e-3, 1e-3, 1e-5, 0, 0, 0], [0.5, 0.5, 0.5, 0, 0, 0])):
+        link |= {"cog": [0, 0, 0], "inertia": inertia}
+    expected = contact_program(scene, alpha, 0.12, 30.0, {"A": 0.0, "B": load})
+    assert len(expected) == solutions
+    smooth = contact_program(scene, alpha, 0.0, 30.0, {"A": 0.0, "B": load})[0]
+    scene |= {"friction": [{"joint": "G", "coulomb": 0.12}], "load": [{"on": "wheel.B", "moment": [load, 0, 0]}], "actuator": [],
+              "coordinate": [{"joint": "A", "start": {"position": 0.0, "velocity": 30.0}}]}
+    if not expected:
+        with pytest.raises(linkdyn.LinkdynError, match="joint 'G' locks"):
+            linkdyn.Scene(scene).forward(t=[0.0, 1e-3])
+        return
+    taken = next(one for one in expected if one["contact"] @ smooth["contact"] > 0)
+    np.testing.assert_allclose(linkdyn.Scene(scene).forward(t=[0.0, 1e-3]).qdd.values[0], taken["alpha"][0], rtol=1e-8)
+
+
 # ---------------------------------------------------------------- in moving carriers, every road
 
 def on_an_arm(lead: float, friction: bool = False, pressure_angle: float = 0.0) -> dict[str, Any]:
