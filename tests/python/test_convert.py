@@ -359,20 +359,20 @@ def test_constraints_are_those_of_mujoco(weld, kind, tmp_path):
     path.write_text(path.read_text().replace('<site name="sb"/>', f'<site name="sb" pos="{words(at)}" quat="{words(quaternion)}"/>'))
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    robot = robot.without_welds(mjcf_reader.read_mjcf(path))
-    assert [loop.kind for loop in robot.loops] == [kind]
-    values, _ = robot.gaps(robot, robot.pose_of(robot, np.zeros(3)), 1.0)
+    whole = robot.without_welds(mjcf_reader.read_mjcf(path))
+    assert [loop.kind for loop in whole.loops] == [kind]
+    values, _ = robot.gaps(whole, robot.pose_of(whole, np.zeros(3)), 1.0)
     assert np.abs(values).max() < 1e-12
     for moved in (np.zeros(3), np.array([0.1, -0.2, 0.3])):
         data.qpos[:] = moved
         mujoco.mj_forward(model, data)
         rates = np.array(data.efc_J).reshape(data.nefc, model.nv)
-        pose = robot.pose_of(robot, moved)
+        pose = robot.pose_of(whole, moved)
         np.testing.assert_allclose(pose.position[1:], data.xpos[1:], atol=1e-12)
-        values, own = robot.gaps(robot, pose, 1.0)
+        values, own = robot.gaps(whole, pose, 1.0)
         if not moved.any():      # where it is closed, the same rates are free
             np.testing.assert_allclose(projector(own), projector(rates), atol=1e-7)
-        steps = [(robot.gaps(robot, robot.pose_of(robot, moved + 1e-6 * e), 1.0)[0] - robot.gaps(robot, robot.pose_of(robot, moved - 1e-6 * e), 1.0)[0]) / 2e-6 for e in np.eye(3)]
+        steps = [(robot.gaps(whole, robot.pose_of(whole, moved + 1e-6 * e), 1.0)[0] - robot.gaps(whole, robot.pose_of(whole, moved - 1e-6 * e), 1.0)[0]) / 2e-6 for e in np.eye(3)]
         if not moved.any():
             np.testing.assert_allclose(own, np.transpose(steps), atol=1e-8)
 
@@ -619,6 +619,84 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     crank = next(table for table in found.builder.to_dict()["link"] if table["name"] == "crank")
     assert (crank["mesh"], crank["mesh_unit"]) == ("meshes/crank.STL", "mm")
     assert repr(found).startswith("<linkdyn.Conversion to a scene: ")
+
+
+LOST = """
+<robot name="lost"><link name="base"/>
+  <link name="a"><inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>
+  <link name="rotor"><inertial><mass value="0"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2"/></inertial></link>
+  <link name="puck"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <joint name="A" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+  <joint name="R" type="continuous"><parent link="a"/><child link="rotor"/><axis xyz="0 0 1"/></joint>
+  <joint name="P" type="planar"><parent link="base"/><child link="puck"/><axis xyz="0 0 1"/><dynamics damping="3"/></joint>
+</robot>
+"""
+
+
+def test_what_urdf_has_no_place_for(tmp_path):
+    """Inertia without mass, damping of what is no hinge or slide: both were dropped without a word."""
+    path = tmp_path / "lost.urdf"
+    path.write_text(LOST)
+    assert set(linkdyn.convert(path).left_out) == {
+        "body 'rotor': its inertia, which is without mass", "joint 'P': damping 3 of a planar joint (a spring's damping says it)",
+    }  # fmt: skip
+
+
+def test_joints_that_close_loops_in_urdf(tmp_path):
+    """Their damping, motors and ranges count: driven there the four-bar asks for what its crank takes, by power."""
+    extra = '<dynamics damping="0.7"/><limit lower="-1" upper="2"/></joint><transmission><joint name="C"/></transmission>'
+    plain = fourbar(tmp_path, BY_JOINT)
+    text = plain.read_text()
+    by_crank = linkdyn.convert(plain, folder=tmp_path).builder
+    head, tail = text.split('<joint name="C"')
+    plain.write_text(head + '<joint name="C"' + tail.replace("continuous", "revolute", 1).replace("</joint>", extra, 1))
+    by_loop = linkdyn.convert(plain, folder=tmp_path)
+    assert any("joint 'C': range -1 to 2 rad" in told for told in by_loop.left_out), by_loop.left_out
+    scene = by_loop.builder.scene(folder=tmp_path)
+    assert scene.actuators == ("C",) and scene.coordinates == ("A",)
+    q, qd, qdd = np.linspace(0, 1, 5)[:, np.newaxis], np.full((5, 1), 2.0), np.full((5, 1), -3.0)
+    crank, found = by_crank.scene(folder=tmp_path).inverse(q, qd, qdd), scene.inverse(q, qd, qdd)
+    rate = found.joint_rate.sel(variable="C.angle").values
+    np.testing.assert_allclose(found.driving_force[:, 0] * rate, crank.driving_force[:, 0] * 2.0 + 0.7 * rate**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("flag", "gone"), [("gravity", "gravity = [0.0, 0.0, 0.0]"), ("spring", "damping = 0.3"), ("damper", "stiffness = 2.0")])
+def test_what_mjcf_disables(flag, gone, tmp_path):
+    """MuJoCo keeps the numbers of what its flags disable."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    path = tmp_path / "robot.xml"
+    path.write_text(f'''<mujoco><option gravity="0 0 -9.81"><flag {flag}="disable"/></option><worldbody><body name="b"><joint name="A" type="hinge"
+        axis="0 1 0" damping="0.3" stiffness="2"/><geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.02" mass="1"/></body></worldbody></mujoco>''')
+    text = linkdyn.convert(path).text
+    assert gone in text
+    for key, word in (("gravity", "-9.81"), ("spring", "stiffness"), ("damper", "damping")):
+        assert (word in text) == (key != flag)
+
+
+def test_loops_that_mjcf_disables(tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    path = tmp_path / "robot.xml"
+    weld = WELDS.replace("WELD", '<connect name="held" body1="a" body2="b" anchor="0 0 1"/>').replace("SITE", "")
+    path.write_text(weld.replace("<worldbody>", '<option><flag equality="disable"/></option><worldbody>'))
+    found = linkdyn.convert(path)
+    assert "equality 'held': the file disables it" in found.left_out and len(found.builder.to_dict()["coordinate"]) == 3
+
+
+def test_motors_of_one_joint_in_mjcf():
+    """Two named motors on a shaft: MuJoCo's joint has the inertia of both rotors. What the file has no place for is told."""
+    b = Builder("Two motors", "planar")
+    wheel = b.link("wheel", mass=1, inertia=0.1, markers={"A": (0, 0)})
+    pin = b.revolute("A", b.frame.marker("A", (0, 0)), wheel["A"])
+    b.coordinate(pin, start={"position": 0.2, "velocity": 3})
+    for name, ratio in (("left", 10), ("right", -5)):
+        b.actuator(pin, name=name, law={"type": "constant", "value": 1}, drive={"ratio": ratio, "rotor_inertia": 0.01, "efficiency": 0.9})
+    found = linkdyn.convert(b.scene())
+    joint = ElementTree.fromstring(found.text).find(".//joint[@name='A']")
+    assert float(joint.get("armature")) == pytest.approx(1.25, rel=1e-15)
+    assert set(found.left_out) >= {
+        "law(s) of 2 actuator(s): MuJoCo takes forces from its controls", "efficiency, brake or limits of 2 actuator(s)",
+        "velocities of the start: the file has its pose",
+    }  # fmt: skip
 
 
 FLOATING = """

@@ -49,13 +49,21 @@ class _Reader:
         for i in range(m.nsite):
             bodies[m.site_bodyid[i]].markers[self._name("SITE", i, f"site{i}")] = np.array(m.site_pos[i])
         self._motors(bodies)
-        robot = Robot(self._title(), np.array(m.opt.gravity), bodies)
+        robot = Robot(self._title(), np.zeros(3) if self._lacks("GRAVITY") else np.array(m.opt.gravity), bodies)
         robot.loops = self._loops(bodies)
+        if self._lacks("EQUALITY") or self._lacks("CONSTRAINT"):
+            self.left_out += [f"equality '{loop.name}': the file disables it" for loop in robot.loops]
+            robot.loops = []
         if m.nkey:
             robot.start = self._keyframe(robot)
         self._tell_the_rest()
         robot.left_out = self.left_out
         return robot
+
+    def _lacks(self, *words: str) -> bool:
+        """Does the file disable this, by one of the names that it had in MuJoCo's versions?"""
+        bits = [int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word}", 0)) for word in words]
+        return any(int(self.model.opt.disableflags) & bit for bit in bits)
 
     def _title(self) -> str:
         names: bytes = self.model.names
@@ -95,14 +103,16 @@ class _Reader:
         if kind in ("hinge", "slide"):
             joint.reference = float(m.qpos0[place])
             joint.rest = float(m.qpos_spring[place])
-        stiffness = np.atleast_1d(np.asarray(m.jnt_stiffness[j], dtype=float))
-        damping = np.atleast_1d(np.asarray(m.dof_damping[dof], dtype=float))
+        stiffness = np.atleast_1d(np.asarray(m.jnt_stiffness[j], dtype=float)) * (not self._lacks("SPRING", "PASSIVE"))
+        damping = np.atleast_1d(np.asarray(m.dof_damping[dof], dtype=float)) * (not self._lacks("DAMPER", "PASSIVE"))
         joint.stiffness, joint.damping, joint.armature = float(stiffness[0]), float(damping[0]), float(m.dof_armature[dof])
         for name, more in (("stiffness", stiffness[1:]), ("damping", damping[1:])):
             if np.any(more):
                 self.left_out.append(f"joint '{joint.name}': {name} beyond its linear part")
         if m.dof_frictionloss[dof]:
             self.left_out.append(f"joint '{joint.name}': friction {m.dof_frictionloss[dof]:g} (a [[friction]] or a spring's force says it)")
+        if m.jnt_limited[j] and kind == "ball":
+            self.left_out.append(f"joint '{joint.name}': range to {m.jnt_range[j][1]:.6g} rad (a [[stop]] of a tilt says it)")
         if m.jnt_limited[j] and kind in ("hinge", "slide"):
             low, high = m.jnt_range[j]
             self.left_out.append(f"joint '{joint.name}': range {low:.6g} to {high:.6g} {'rad' if kind == 'hinge' else 'm'} (a [[stop]] says it)")
@@ -112,6 +122,8 @@ class _Reader:
         """The first keyframe, from the reference pose on."""
         m = self.model
         self.left_out.append(f"keyframe '{self._name('KEY', 0, 'key0')}' is the start" + (f"; {m.nkey - 1} more" if m.nkey > 1 else ""))
+        if np.any(m.key_qvel[0]):
+            self.left_out.append("velocities of the keyframe: the scene starts at rest")
         key = np.array(m.key_qpos[0])
         steps: dict[str, list[float]] = {}
         for j in range(m.njnt):

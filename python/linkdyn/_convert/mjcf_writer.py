@@ -30,6 +30,9 @@ LAST = ("fixed", "revolute", "spherical")
 """What the tree takes after all others, so that loops are cut there: MuJoCo has constraints for these."""
 SPRING = {"stiffness": "stiffness", "damping": "damping", "rest": "springref"}
 """Keys of a spring at a joint variable, and MuJoCo's words for them."""
+LOSSES = ("efficiency", "back_efficiency", "brake", "torque_limit", "current_limit", "power_limit", "torque_curve")
+"""Keys of a motor that MuJoCo's joints have nothing for."""
+RATES = ("velocity", "angular_rate", "angular_rates", "angular_velocity")
 TELL = {
     "load": "load(s)", "spring": "spring(s)", "friction": "friction of {} joint(s)", "event": "event(s)", "stop": "stop(s)", "clutch": "clutch(es)", "controller": "controller(s)", "sweep": "the sweep", "time": None,
     "measures": None, "laws": None, "variables": None, "include": None,
@@ -281,7 +284,7 @@ class _Writer:
 
     def _rotor(self, name: str) -> float:
         """Inertia of a motor at its joint."""
-        return float(sum(motor["inertia"] * motor["ratio"] ** 2 for motor in self.scene.description["motors"] if motor["name"] == name))
+        return float(sum(motor["inertia"] * motor["ratio"] ** 2 for motor in self.scene.description["motors"] if motor["name"].partition(":")[0] == name))
 
     # ---------------------------------------------------------------------------------------------------------------- motors
     def _add_motors(self, root: Element) -> None:
@@ -303,6 +306,12 @@ class _Writer:
             n = len(content.get(key, [])) - (written if key == "spring" else 0)
             if n > 0 and words:
                 self.left_out.append(words.format(n) if "{}" in words or key == "sweep" else f"{n} {words}")
+        if n := sum("law" in part for part in content.get("actuator", [])):
+            self.left_out.append(f"law(s) of {n} actuator(s): MuJoCo takes forces from its controls")
+        if n := sum(bool(set(part.get("drive", {})) & set(LOSSES)) for part in content.get("actuator", [])):
+            self.left_out.append(f"efficiency, brake or limits of {n} actuator(s)")
+        if any(_has_rate(part.get("start")) for part in content.get("coordinate", [])):
+            self.left_out.append("velocities of the start: the file has its pose")
         if any("motion" in part for part in content.get("coordinate", [])):
             self.left_out.append("the motion: the file has the pose of the start, and motors without a controller")
         if self.scene.description["frame_moves"]:
@@ -314,6 +323,11 @@ class _Writer:
 def add(parent: Element, tag: str, **keys: str) -> Element:
     """An element with its attributes."""
     return SubElement(parent, tag, keys)
+
+
+def _has_rate(start: Any) -> bool:
+    """Does a start say how fast, of a joint variable, a pose or its components?"""
+    return isinstance(start, dict) and any(key in RATES or _has_rate(value) for key, value in start.items())
 
 
 def _matrix(elements: Any) -> Array:

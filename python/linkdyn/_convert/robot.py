@@ -91,6 +91,7 @@ class Loop:
     frames: tuple[Array, Array] = field(default_factory=lambda: (np.eye(3), np.eye(3)))
     """(3, 3) its axes, in columns, in the axes of both bodies; the last one is that of a hinge or slide."""
     is_driven: bool = False
+    damping: float = 0.0
 
 
 @dataclass

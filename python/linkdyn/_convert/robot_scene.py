@@ -175,6 +175,8 @@ class _SceneMaker:
         self.joint_names = Names()
         self.dof_names: list[tuple[str, str | None]] = []
         """Joint and variable, or link and component, of each freedom."""
+        self.loop_motors: list[str] = []
+        """Joints that close loops and are driven."""
 
     def made(self) -> Builder:
         moved = np.zeros(sum(1 for _ in self.robot.dofs())) if self.robot.start is None else self.robot.start
@@ -222,6 +224,8 @@ class _SceneMaker:
             if body.mass > 0:
                 tensor = body.inertia
                 keys |= {"cog": _numbers(body.cog), "inertia": _numbers(tensor[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]], EXACT * float(np.abs(tensor).max()))}
+            elif np.any(body.inertia):
+                self.left_out.append(f"body '{body.name[:NAME_LENGTH]}': its inertia, which is without mass")
             if self.robot.loops and any(i in ancestors(self.robot, end) for loop in self.robot.loops for end in loop.bodies):
                 keys["start"] = {"position": _numbers(pose.position[i]), "angles": _numbers(angles_of(pose.rotation[i]))}
             link = self.b.link(name, mass=float(body.mass), **keys)
@@ -282,6 +286,10 @@ class _SceneMaker:
             name = self.joint_names.new(loop.name, "loop")
             markers = [self._marker(self.links[i], name, at, axes) for i, at, axes in zip(loop.bodies, loop.at, loop.frames)]
             getattr(self.b, loop.kind)(name, *markers)
+            if loop.damping:
+                self.b.spring(f"{name}_spring", joint=name, damping=loop.damping)
+            if loop.is_driven:
+                self.loop_motors.append(name)
 
     def _marker(self, link: Link, wanted: str, at: Array, axes: Array) -> str:
         """A point with axes in columns, written as short as they allow."""
@@ -317,12 +325,19 @@ class _SceneMaker:
 
     def _add_actuators(self, dofs: list[tuple[int, TreeJoint, int]], lead: list[int]) -> None:
         """Motors; where the file has some, what leads without one gets one that has no force in forward runs."""
-        some = any(joint.is_driven for _, joint, _ in dofs)
+        some = any(joint.is_driven for _, joint, _ in dofs) or bool(self.loop_motors)
+        led_by_loops = len(self.loop_motors)      # freedoms that need no motor beside those in loops
+        for name in self.loop_motors:
+            self.b.actuator(name)
         for k, (_, joint, _) in enumerate(dofs):
             name, variable = self.dof_names[k]
             drive: Any = {"ratio": 1, "rotor_inertia": joint.armature} if joint.armature else None
             if joint.n_dof == 1 and (joint.is_driven or (k in lead and not some)):
                 self.b.actuator(name, variable=variable, drive=drive)
+            elif joint.n_dof == 1 and k in lead and led_by_loops > 0:
+                led_by_loops -= 1
+                if joint.armature:
+                    self.left_out.append(f"joint '{joint.name}': armature {joint.armature:g} kg m^2, since no motor is there")
             elif joint.n_dof == 1 and k in lead:
                 self.b.actuator(name, variable=variable, law={"type": "constant", "value": 0}, drive=drive)
                 self.left_out.append(f"joint '{joint.name}': has no motor and leads: an actuator of no force, of which inverse dynamics says what would hold it")

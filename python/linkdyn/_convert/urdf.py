@@ -141,24 +141,40 @@ class _Reader:
         if kind == "":
             return []
         if kind == "free":
+            self._resistance(joint, takes_damping=False)
             return [TreeJoint(name, "free")]
         axis = self._axis(joint)
         if kind == "planar":
             x = across(axis)
             y = np.cross(axis, x)
+            self._resistance(joint, takes_damping=False)
             return [TreeJoint(f"{name}_x", "slide", axis=x), TreeJoint(f"{name}_y", "slide", axis=y), TreeJoint(f"{name}_turn", "hinge", axis=axis)]
         found = TreeJoint(name, "hinge" if kind == "hinge" else "slide", axis=axis, is_driven=name in self.driven)
-        dynamics, limit, mimic = joint.find("dynamics"), joint.find("limit"), joint.find("mimic")
-        if dynamics is not None:
-            found.damping = self._number(dynamics, "damping", joint, 0.0)
-            if friction := self._number(dynamics, "friction", joint, 0.0):
-                self.left_out.append(f"joint '{name}': friction {friction:g} (a [[friction]] or a spring's force says it)")
+        found.damping = self._resistance(joint)
+        self._tell_bounds(joint, found.kind)
+        return [found]
+
+    def _resistance(self, joint: Element, takes_damping: bool = True) -> float:
+        """Damping of a joint; what there is no place for is told."""
+        name, dynamics = joint.get("name", ""), joint.find("dynamics")
+        if dynamics is None:
+            return 0.0
+        if friction := self._number(dynamics, "friction", joint, 0.0):
+            self.left_out.append(f"joint '{name}': friction {friction:g} (a [[friction]] or a spring's force says it)")
+        damping = self._number(dynamics, "damping", joint, 0.0)
+        if takes_damping or not damping:
+            return damping
+        self.left_out.append(f"joint '{name}': damping {damping:g} of a {joint.get('type')} joint (a spring's damping says it)")
+        return 0.0
+
+    def _tell_bounds(self, joint: Element, kind: str) -> None:
+        """Ranges, and what follows other joints."""
+        name, limit, mimic = joint.get("name", ""), joint.find("limit"), joint.find("mimic")
         if limit is not None and joint.get("type") != "continuous" and (limit.get("lower") or limit.get("upper")):
-            unit = "rad" if found.kind == "hinge" else "m"
+            unit = "rad" if kind == "hinge" else "m"
             self.left_out.append(f"joint '{name}': range {limit.get('lower', '0')} to {limit.get('upper', '0')} {unit} (a [[stop]] says it)")
         if mimic is not None:
             self.left_out.append(f"joint '{name}': it mimics '{mimic.get('joint', '')}' (a gear, or links that do it, say it)")
-        return [found]
 
     # ---------------------------------------------------------------------------------------------------------------- loops
     def _loop(self, joint: Element, numbers: dict[str, int]) -> Loop:
@@ -170,7 +186,11 @@ class _Reader:
             raise self.file.refuse(joint, f"type {joint.get('type', '')[:60]!r} closes a loop (expected revolute, continuous, prismatic or fixed)")
         axes = axes_about(self._axis(joint)) if kind else np.eye(3)
         word: Any = {"hinge": "revolute", "slide": "prismatic", "": "fixed"}[kind]
-        return Loop(joint.get("name", ""), word, bodies, (p, np.zeros(3)), (r @ axes, axes))
+        loop = Loop(joint.get("name", ""), word, bodies, (p, np.zeros(3)), (r @ axes, axes))
+        if kind:
+            loop.is_driven, loop.damping = loop.name in self.driven, self._resistance(joint)
+            self._tell_bounds(joint, kind)
+        return loop
 
     def _closing_frames(self, robot: Robot, numbers: dict[str, int]) -> list[Loop]:
         """Pairs of links that are to lie in each other; they turn about their z."""
