@@ -31,6 +31,7 @@ module linkdyn_group_block
         real(wp), allocatable :: thread(:, :)       !! angles of threads by their slides, with their turns (sample, thread) [rad]
         real(wp), allocatable :: thread_rate(:, :)  !! along the way (sample, thread)
         logical, allocatable :: is_closed(:)        !! (sample)
+        logical :: only_leads = .false.             !! steps need not be as sure as where samples stay, see `group_closer`
         real(wp), private :: whole = 1              !! the mechanism's size
         ! ---- scratch, for the largest group
         real(wp), allocatable, private :: ahead(:, :, :), velocity(:, :), corrected(:, :), turned(:, :), extent(:, :)
@@ -315,7 +316,8 @@ contains
         do step = 1, most_steps
             call closer%make_steps(g, block%at, block%way, block%branch, block%place, block%margin_here, block%is_sure, &
                                    rate=block%velocity(:, :n_row), thread=block%turned(:, :2*group%n_thread), &
-                                   corrected=block%corrected(:, :n_place*size(group%link)), extent=block%extent)
+                                   corrected=block%corrected(:, :n_place*size(group%link)), extent=block%extent, &
+                                   only_leads=block%only_leads)
             call put_where(n, block%is_under_way, block%margin_here, block%margin(:, g))
             block%takes = block%is_under_way
             call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), block%whole, &
@@ -408,7 +410,8 @@ contains
                 end do
             end do
             do g = 1, size(model%group)
-                call closer%make_steps(g, block%q, block%way, block%branch, block%ahead, block%margin_here, block%is_sure)
+                call closer%make_steps(g, block%q, block%way, block%branch, block%ahead, block%margin_here, block%is_sure, &
+                                       only_leads=block%only_leads)
                 block%is_closed = block%is_closed .and. block%is_sure
                 block%drift(:, g) = merge((block%margin_here - block%margin(:, g))/max(step, tiny(1.0_wp)), 0.0_wp, step > 0)
             end do

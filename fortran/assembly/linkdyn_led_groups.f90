@@ -4,7 +4,7 @@
 !> (branches of closed forms, change points that are to be passed), `linkdyn_led_mechanism` leads the whole mechanism; so it does
 !> where links spin about threads, whose whole turns no margin tells.
 module linkdyn_led_groups
-    use linkdyn_following, only: follower, footing, way_report, follow_way, way_arrived
+    use linkdyn_following, only: follower, footing, way_report, follow_way, way_arrived, way_ends
     use linkdyn_group_block, only: group_block, prepare_block, take_sample, tell_sample, lead_links, close_block, find_drift
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
@@ -15,7 +15,8 @@ module linkdyn_led_groups
     public :: lead_places
 
     integer, parameter :: spare_tries = 30           !! of a way, beside those for its strides
-    integer, parameter :: haste = 4                  !! likewise, where lanes go the ways that are not smooth
+    integer, parameter :: haste = 12                 !! likewise, where lanes go the ways that are not smooth: to a limit of reach it is
+                                                     !! about ten
 
     type, extends(follower) :: led_groups
         type(model_type), pointer :: model => null()
@@ -32,8 +33,10 @@ module linkdyn_led_groups
 
 contains
 
-    !> Lead the groups of the lanes that go; a lane arrives only if every step could be believed.
-    subroutine lead_places(model, closer, goes, from, to, branch, place, margin, arrives, longest, least)
+    !> Lead the groups of the lanes that go; a lane arrives only if every step could be believed. It is out of reach where the
+    !> way has come to a limit of reach, towards which the margin goes as there, and beyond which nothing closes. Of other ways
+    !> that do not arrive nothing is said: an alarm of the steps may have ended them.
+    subroutine lead_places(model, closer, goes, from, to, branch, place, margin, arrives, longest, least, is_out_of_reach)
         type(model_type), intent(in), target :: model
         class(group_closer), intent(in), target :: closer
         logical, intent(in) :: goes(:)                         !! (lane)
@@ -46,6 +49,7 @@ contains
         real(wp), intent(in), optional :: longest(lanes)       !! step, part of a way that is tried in haste; absent: half, and the
                                                                !! whole way has been tried
         real(wp), intent(inout), optional :: least(:, :)       !! smallest size of a margin, of a lane that arrives (n_group, lane)
+        logical, intent(out), optional :: is_out_of_reach(:)   !! (lane)
         type(led_groups) :: led
         type(way_report) :: report
         real(wp) :: longest_here(lanes)
@@ -53,6 +57,7 @@ contains
         integer :: i
 
         arrives = .false.
+        if (present(is_out_of_reach)) is_out_of_reach = .false.
         if (.not. any(goes) .or. any(model%group%n_thread > 0)) return
         led%model => model
         led%closer => closer
@@ -62,6 +67,7 @@ contains
         led%least_margin = model%least_margin(model%n_branch + 1:model%n_branch + size(model%group))
         associate (tried => led%tried)
             call prepare_block(model, size(led%lane), tried)
+            tried%only_leads = present(is_out_of_reach)
             tried%way = led%to - led%from
             tried%branch = transpose(branch(:, led%lane))
             do i = 1, size(led%lane)
@@ -79,6 +85,7 @@ contains
         do i = 1, size(led%lane)
             associate (lane => led%lane(i))
                 arrives(lane) = report%outcome(lane) == way_arrived
+                if (present(is_out_of_reach)) is_out_of_reach(lane) = report%outcome(lane) == way_ends .and. report%is_limit(lane)
                 if (.not. arrives(lane)) cycle
                 call tell_sample(model, size(led%lane), size(place, 1), led%tried%from, i, place(:, :, lane))
                 margin(:, lane) = led%tried%margin(i, :)
@@ -94,7 +101,7 @@ contains
         real(wp), intent(in) :: part(lanes), lead(lanes)
         logical, intent(in) :: is_crossing(:, :)
         type(footing), intent(inout) :: found
-        integer :: i, k
+        integer :: i, k, g
 
         associate (tried => self%tried, lane => self%lane)
             do k = 1, size(tried%way, 2)
@@ -115,9 +122,12 @@ contains
             found%margin = 1
             found%drift = 0
             do i = 1, size(lane)
-                found%is_closed(lane(i)) = tried%is_closed(i) .and. .not. any(is_crossing(lane(i), :))
+                found%is_closed(lane(i)) = tried%is_closed(i)
                 found%margin(lane(i), :) = tried%margin(i, :)
                 found%drift(lane(i), :) = tried%drift(i, :)
+                do g = 1, size(self%model%group)
+                    found%speed(lane(i), g) = maxval(abs(tried%rate(i, :, self%model%group(g)%link)))
+                end do
             end do
         end associate
     end subroutine try_on_way

@@ -25,7 +25,7 @@ module linkdyn_settled_samples
     use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_mix, only: counter_bits
     use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
-    use linkdyn_status, only: sample_ok
+    use linkdyn_status, only: sample_ok, sample_unreachable
     use linkdyn_stride, only: is_step_believed, is_close, is_turn_kept
     use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: least_angle, has_vague_turn
@@ -472,19 +472,19 @@ contains
         class(group_closer), pointer, intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly
         real(wp), allocatable, intent(out) :: least(:, :)    !! sizes of the margins on the ways there (n_group, n)
-        logical :: arrives(size(q, 2))
+        logical :: is_known(size(q, 2))
         integer, allocatable :: left(:)
 
         allocate (least(size(model%group), size(q, 2)))
         if (size(which) == 0) return
-        arrives = .false.
+        is_known = .false.
         ! closed forms may be out of reach on the way, which lanes see
         if (associated(closer) .and. model%n_branch == 0) then
             !$omp parallel num_threads(team_size(threads, size(which)/lanes)) default(shared)
-            call lead_by_steps(model, q, which, closer, assembly, least, arrives)
+            call lead_by_steps(model, q, which, closer, assembly, least, is_known)
             !$omp end parallel
         end if
-        left = pack(which, .not. arrives(which))
+        left = pack(which, .not. is_known(which))
         if (size(left) == 0) return
         associate (n_block => (size(left) + lanes - 1)/lanes)
             !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
@@ -494,19 +494,19 @@ contains
     end subroutine lead_to
 
     !> Those blocks of samples that this thread takes, by somebody else's steps alone. Where these do not lead lanes find out more.
-    subroutine lead_by_steps(model, q, which, closer, assembly, least, arrives)
+    subroutine lead_by_steps(model, q, which, closer, assembly, least, is_known)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)
         integer, intent(in) :: which(:)
         class(group_closer), intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly    !! of all threads
         real(wp), intent(inout) :: least(:, :)
-        logical, intent(inout) :: arrives(:)         !! (n)
+        logical, intent(inout) :: is_known(:)        !! how the way came out (n)
         real(wp) :: way(model%n_q), from(model%n_q, lanes), to(model%n_q, lanes)
         real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), lanes)
         real(wp), dimension(size(model%group), lanes) :: margin, least_here
         real(wp) :: longest(lanes)                   ! steps
-        logical :: repeats_here(model%n_q), goes(lanes), has_arrived(lanes)
+        logical :: repeats_here(model%n_q), goes(lanes), has_arrived(lanes), is_out_of_reach(lanes)
         integer :: first, n, lane, k
 
         repeats_here = [(repeats(model, k), k=1, model%n_q)]
@@ -529,11 +529,12 @@ contains
                 end associate
             end do
             call lead_places(model, closer, goes(:n), from(:, :n), to(:, :n), spread(model%branch(:0), 2, n), &
-                             place(:, :, :n), margin(:, :n), has_arrived(:n), longest, least_here(:, :n))
+                             place(:, :, :n), margin(:, :n), has_arrived(:n), longest, least_here(:, :n), is_out_of_reach(:n))
             do lane = 1, n
-                if (.not. has_arrived(lane)) cycle
                 associate (sample => which(first + lane - 1))
-                    arrives(sample) = .true.
+                    is_known(sample) = has_arrived(lane) .or. is_out_of_reach(lane)
+                    if (is_out_of_reach(lane)) assembly%status(sample) = sample_unreachable
+                    if (.not. has_arrived(lane)) cycle
                     assembly%q(:, sample) = q(:, sample)
                     assembly%place(:, :, sample) = place(:, :, lane)
                     assembly%margin(:, sample) = margin(:, lane)

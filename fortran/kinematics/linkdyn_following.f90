@@ -71,6 +71,8 @@ module linkdyn_following
         integer :: n_crossed(lanes) = 0             !! change points passed
         integer :: map(lanes) = 0                   !! at fault where the way was not finished; 0: none in particular
         real(wp) :: reached(lanes) = 0              !! part of the way
+        logical :: is_limit(lanes) = .false.        !! of a way that ends: the margin at fault was going to zero as the root of the
+                                                    !! distance where it could still be told well, as at a limit of reach
         real(wp), allocatable :: least(:, :)        !! the smallest size of a margin where the mechanism stood (lane, n_map)
     end type way_report
 
@@ -109,6 +111,7 @@ contains
         logical, dimension(lanes, size(self%least_margin)) :: is_crossing
         logical, dimension(lanes) :: is_sound, is_first, is_at_limit
         logical :: is_root(lanes, size(self%least_margin))  !! the margin goes to zero as the root of the distance
+        logical :: was_root(lanes, size(self%least_margin)) !! it did, where it could still be told well
         real(wp), dimension(lanes) :: target, lead, step
         real(wp) :: slope(lanes, size(self%least_margin))   !! of the margins, where they could still be told well; 0: never
         real(wp) :: pace(lanes, size(self%least_margin))    !! of the links, likewise
@@ -127,6 +130,7 @@ contains
         pace = 0
         side = 0
         is_root = .false.
+        was_root = .false.
         lead = 0
         step = min(1.0_wp, stride)
         call self%try(goes, report%reached, lead, is_crossing, stands)
@@ -203,6 +207,7 @@ contains
             where (abs(stands%margin(lane, :)) >= well_told*self%least_margin)
                 slope(lane, :) = abs(stands%drift(lane, :))
                 pace(lane, :) = stands%speed(lane, :)
+                was_root(lane, :) = is_root(lane, :)
             end where
             if (target(lane) < 1) return
             report%outcome(lane) = way_arrived
@@ -223,6 +228,7 @@ contains
                         .or. (pace(lane, m) > 0 .and. stands%speed(lane, m) > same_slope*pace(lane, m))
             end associate
             report%outcome(lane) = merge(way_ends, way_forks, grows .or. .not. tried%is_closed(lane))
+            report%is_limit(lane) = was_root(lane, report%map(lane))
         end subroutine give_up_crossing
 
         !> A shorter step next time, unless it would be none.

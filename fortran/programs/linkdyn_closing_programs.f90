@@ -280,8 +280,9 @@ contains
         real(wp), intent(out), contiguous, target, optional :: correction(:, :), rate(:, :), thread(:, :), corrected(:, :), &
             extent(:, :)
         logical, intent(in), optional :: only_leads
-        !> Pivots so much smaller than usual: eleven digits are left of a step at least, and of a margin's rate four.
-        real(wp), parameter :: forgiven = 1000
+        !> Pivots so much smaller than usual, as they are where a margin has gone down to the least that can be told: nine digits
+        !> are left of a step at least, and of a margin's rate two.
+        real(wp), parameter :: forgiven = 1.0e5_wp
         type(closing_space), pointer :: space
         real(wp) :: limit
         type(sample_arrays) :: arrays

@@ -11,6 +11,7 @@ import pytest
 import linkdyn
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
 
 
 CLOSED_FORMS = ["fourbar", "stewart_drilling", "sixbar_slider"]
@@ -136,3 +137,44 @@ def test_batch_is_where_straight_ways_lead():
     status = scene.inverse(q, want="driving_force").status.values
     assert 1000 < (status == 0).sum() < 2000
     np.testing.assert_array_equal(status == 0, np.asarray(scene.poses(q).status) == 0)
+
+
+def test_crank_out_of_reach():
+    """A crank in space that cannot go round: samples are out of reach where the sphere about its end has left the rocker's circle on the way
+    from the start, which a quadratic tells; a batch says so by recorded steps, a single pose by the lanes."""
+    content = tomllib.loads((SCENES / "rssr.toml").read_text())
+    long, rocker, rod = 0.5, 0.6, 0.9
+    content["link"][0]["markers"]["B"] = [long, 0, 0]
+    scene = linkdyn.Scene(content)
+    q = np.sort(np.random.default_rng(7).uniform(-np.pi, np.pi, 3000))
+    z = np.array([1.0, 0.2, 0.0])
+    z /= np.linalg.norm(z)
+    x = np.array([1 - z[0] ** 2 / (1 + z[2]), -z[0] * z[1] / (1 + z[2]), -z[0]])
+    d = np.array([0.5, 0.2, 0.3]) - long * np.stack([np.cos(q), np.sin(q), 0 * q], axis=1)
+    spare = 2 * rocker * np.hypot(d @ x, d @ np.cross(z, x)) - abs(rod**2 - rocker**2 - (d**2).sum(axis=1))
+    limits = np.flatnonzero(np.diff(np.sign(spare)))
+    below, above = limits[q[limits] < 0].max(), limits[q[limits] > 0].min()
+    is_reached = (np.arange(len(q)) > below) & (np.arange(len(q)) <= above)
+    assert 500 < is_reached.sum() < 2500
+    status = np.asarray(scene.poses(q[:, None]).status)
+    np.testing.assert_array_equal(status == 0, is_reached)
+    assert set(status[~is_reached]) == {1}
+    for i in (below, below + 1, above, above + 1, 0, len(q) - 1):
+        assert scene.poses(q[i : i + 1, None]).status[0] == status[i]
+
+
+def test_platform_out_of_reach():
+    """A platform on cranks, of whose poses half are out of reach: a batch, which recorded steps lead to where legs are stretched, says of each
+    what the lanes say of it alone."""
+    content = tomllib.loads((SCENES / "hexapod_pattern.toml").read_text())
+    content["chain"] = [{"type": "RUS", "repeat": 3, "about": "z", "mirror": "xz", "base": "frame.B#", "platform": "platform.P#", "axis": [0, 1, 0],
+                         "zero": [1, 0, 0], "elbow": -1, "crank": {"length": 0.4, "mass": 1.0}, "rod": {"length": 1.0, "mass": 1.0}}]
+    scene = linkdyn.Scene(content)
+    start = scene.motion(scene.times()[:1])[0][0]
+    q = start + np.random.default_rng(1).uniform(-1, 1, (600, 6)) * [0.3, 0.3, 0.3, 0.6, 0.6, 0.6]
+    whole = scene.poses(q)
+    status = np.asarray(whole.status)
+    assert 150 < (status == 0).sum() < 450
+    alone = [linkdyn.Scene(content).poses(one) for one in np.split(q, 6)]
+    np.testing.assert_array_equal(status, np.concatenate([x.status for x in alone]))
+    np.testing.assert_allclose(whole.position[status == 0], np.concatenate([x.position for x in alone])[status == 0], atol=1e-11)
