@@ -80,15 +80,17 @@ contains
 
         text = to_text(count_of(kernel, ""))//" operations a sample:"//new_line("a")//indent
         start = len(text) - len(indent)
-        call add(number("multiply_add") + number("multiply_subtract") + number("subtract_product"), "products with a sum")
-        call add(number("multiply"), "products")
-        call add(number("add") + number("subtract"), "sums")
-        call add(number("reciprocal"), "divisions")
-        call add(number("root"), "roots")
-        call add(number("sine") + number("cosine"), "sines and cosines")
-        call add(number("arctangent"), "angles")
-        call add(number("minimum") + number("maximum") + number("absolute") + number("select") + number("whole"), "choices")
-        call add(number("piece") + number("nearest") + number("farthest"), "look-ups in curves")
+        call add(number("multiply_add") + number("multiply_subtract") + number("subtract_product"), &
+                 "product with a sum", "products with a sum")
+        call add(number("multiply"), "product", "products")
+        call add(number("add") + number("subtract"), "sum", "sums")
+        call add(number("reciprocal"), "division", "divisions")
+        call add(number("root"), "root", "roots")
+        call add(number("sine") + number("cosine"), "sine or cosine", "sines and cosines")
+        call add(number("arctangent"), "angle", "angles")
+        call add(number("minimum") + number("maximum") + number("absolute") + number("select") + number("whole"), &
+                 "choice", "choices")
+        call add(number("piece") + number("nearest") + number("farthest"), "look-up in a curve", "look-ups in curves")
 
     contains
 
@@ -98,11 +100,14 @@ contains
             number = count_of(kernel, name)
         end function number
 
-        subroutine add(n, what)
+        subroutine add(n, one, many)
             integer, intent(in) :: n
-            character(len=*), intent(in) :: what
+            character(len=*), intent(in) :: one, many
+            character(len=:), allocatable :: what
 
             if (n == 0) return
+            what = many
+            if (n == 1) what = one
             if (len(text) > start + len(indent)) text = text//","
             if (len(text) - start + len(what) + 8 > most) then
                 text = text//new_line("a")//indent

@@ -222,6 +222,8 @@ def test_draw(tmp_path):
     for words, message in (
         (("scene.toml", "-o", "s.txt"), "ends in .png"),
         (("scene.toml", "--at", "noon"), "expected seconds"),
+        (("scene.toml", "--at", "1e3"), "expected an instant of the motion, from 0 to"),
+        (("scene.toml", "--at", "nan"), "expected an instant of the motion"),
         (("none.toml",), "none.toml"),
         (("scene.toml", "-o", "none/s.png"), "s.png"),
         ((), "required"),

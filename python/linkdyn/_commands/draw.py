@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .common import Parser, draw_into_files, refuse, say
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 __all__ = ["draw_command", "parser"]
 
@@ -41,7 +45,7 @@ def draw_command(arguments: Sequence[str]) -> int:
 
     try:
         scene = Scene(Path(options.scene))
-        place = None if options.at is None else scene.inverse(t=[_instant(options.at)], want="joint_variable")
+        place = None if options.at is None else scene.inverse(t=[_instant(options.at, scene)], want="joint_variable")
         if place is not None and int(place.status[0]) != 0:
             return refuse(f"draw: at {options.at} s the mechanism cannot be assembled")
         figure, _ = mechanism(scene, None if place is None else place.q.values[0], names=not options.no_names)
@@ -55,10 +59,15 @@ def draw_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _instant(text: str) -> float:
+def _instant(text: str, scene: Scene) -> float:
+    """An instant of the scene's motion [s]."""
     from ..errors import InputError
 
     try:
-        return float(text)
+        instant = float(text)
     except ValueError:
         raise InputError(f"draw: --at: expected seconds, got {text!r}") from None
+    first, last = scene.description["time"]["first"], scene.description["time"]["last"]
+    if first < last and not first <= instant <= last:
+        raise InputError(f"draw: --at: expected an instant of the motion, from {first:g} to {last:g} s, got {text}")
+    return instant
