@@ -321,6 +321,7 @@ contains
         type(toml_node) :: inner
         character(len=key_len), allocatable :: names(:)
         integer :: last, first_end, item
+        logical :: is_one
 
         first_end = len(path)
         do last = len(path), next, -1
@@ -332,7 +333,12 @@ contains
                 inner = found%node%get(path(next:last))
                 item = 0
             else
-                call find_named(found%node, path(next:last), inner, item)
+                call find_named(found%node, path(next:last), inner, item, is_one)
+                if (.not. is_one) then
+                    problem = "several in "//quoted(path(:next - 2))//" are called "//quoted(path(next:last)) &
+                              //" (expected one of them, by its number: "//path(:next - 2)//"[0] is the first)"
+                    return
+                end if
             end if
             if (.not. inner%is_present()) cycle
             found = number_at(inner, found%node, path(next:last), item)
@@ -353,37 +359,55 @@ contains
         end if
     end subroutine step_down
 
-    !> The table of a list that bears a name.
-    subroutine find_named(list, name, found, item)
+    !> The table of a list that bears a name: a joint's may have the variable behind it, `C` or `C.slide`.
+    subroutine find_named(list, name, found, item, is_one)
         type(toml_node), intent(in) :: list
         character(len=*), intent(in) :: name
         type(toml_node), intent(out) :: found
         integer, intent(out) :: item
+        logical, intent(out) :: is_one          !! no other bears it
+        type(toml_node) :: node
+        character(len=:), allocatable :: own
+        integer :: i
 
-        do item = 1, list%count()
-            found = list%at(item)
-            if (name_of(found) == name) return
-        end do
         found = toml_node()
         item = 0
+        is_one = .true.
+        do i = 1, list%count()
+            node = list%at(i)
+            own = name_of(node)
+            if (own == "" .or. (own /= name .and. own//"."//text_of(node, "variable") /= name)) cycle
+            if (item > 0) is_one = .false.
+            if (item == 0) found = node
+            if (item == 0) item = i
+        end do
     end subroutine find_named
+
+    !> The text at a key of a table; empty without one.
+    function text_of(node, key) result(text)
+        type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: key
+        character(len=:), allocatable :: text
+        type(toml_node) :: inner
+        logical :: is_text
+
+        text = ""
+        if (node%kind() /= toml_table) return
+        inner = node%get(key)
+        if (inner%kind() == toml_string) call inner%get_text(text, is_text)
+    end function text_of
 
     !> What a table of a list is called by.
     function name_of(node) result(name)
         type(toml_node), intent(in) :: node
         character(len=:), allocatable :: name
-        character(len=5), parameter :: key(*) = [character(len=5) :: "name", "joint", "link", "on"]
-        type(toml_node) :: inner
-        logical :: is_text
+        character(len=8), parameter :: key(*) = [character(len=8) :: "name", "actuator", "joint", "link", "marker", "on"]
         integer :: i
 
         name = ""
-        if (node%kind() /= toml_table) return
         do i = 1, size(key)
-            inner = node%get(key(i))
-            if (inner%kind() /= toml_string) cycle
-            call inner%get_text(name, is_text)
-            return
+            name = text_of(node, trim(key(i)))
+            if (name /= "") return
         end do
     end function name_of
 

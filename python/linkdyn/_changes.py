@@ -14,7 +14,7 @@ __all__ = ["changed"]
 
 INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
 """An element of a list: "cog[0]"."""
-_LABELS = {"coordinate": ("joint", "link"), "actuator": ("name", "joint"), "friction": ("joint",), "load": ("on",),
+_LABELS = {"coordinate": ("joint", "link", "marker"), "actuator": ("name", "joint"), "friction": ("joint",), "load": ("on",),
            "payload": ("on",), "controller": ("name", "actuator")}  # fmt: skip
 """What names the tables of a list; others have a name."""
 
@@ -94,22 +94,26 @@ def _holder(table: dict[str, Any], key: str, indices: list[int], path: str) -> t
 
 def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, value: Any) -> None:
     """The table of a list whose name begins the rest of the path; names may have dots."""
-    for i, item in enumerate(items):
-        label = _label(key, item)
-        if rest == label and isinstance(value, Mapping):
+    labels = [_label(key, item) for item in items]
+    label = max((label for label in labels if f"{rest}.".startswith(f"{label}.")), key=len, default="")
+    if label and labels.count(label) > 1:
+        raise InputError(f"with_: {quoted_name(path)}: several in {quoted_name(key)} are called {quoted_name(label)} "
+                         f"(expected one of them, by its number: {key}[{labels.index(label)}] is the first)")
+    if label:
+        i = labels.index(label)
+        if rest != label:
+            _put(items[i], rest[len(label) + 1 :], path, value)
+            return
+        if isinstance(value, Mapping):
             items[i] = dict(value)
             return
-        if rest == label and value is None:
+        if value is None:
             del items[i]
-            return
-        if rest.startswith(label + "."):
-            _put(item, rest[len(label) + 1 :], path, value)
             return
     if isinstance(value, Mapping) and _label(key, value) == rest:
         items.append(dict(value))
         return
-    labels = [_label(key, item) for item in items]
-    if rest in labels:
+    if label:
         raise InputError(f"with_: {quoted_name(path)} is a whole {key} (expected a table or None for it, or the path of one of its values)")
     known = ", ".join(map(repr, labels))
     raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no {key} {quoted_name(rest.split('.')[0])} (expected one of {known})")

@@ -623,3 +623,48 @@ def test_threads_read_designs_at_once() -> None:
     alone = scene.sweep(sweep, threads=1)
     together = scene.sweep(sweep, threads=2)
     np.testing.assert_array_equal(together.driving_force_max, alone.driving_force_max)
+
+
+def carried_stage() -> linkdyn.Builder:
+    """A stage on a table, three coordinates of one joint; two springs that only names tell apart, two payloads on one marker."""
+    b = linkdyn.Builder("Stage", "spatial", gravity=(0, -3, -9))
+    stage = b.link("stage", mass=2, inertia={"diagonal": [0.1, 0.2, 0.3]}, markers={"A": (0, 0, 0), "tool": (0.3, 0.1, 0.2)})
+    table = b.planar("table", b.frame.marker("A", (0, 0, 0)), stage["A"])
+    for k, variable in enumerate(("x", "y", "angle")):
+        b.coordinate(table, variable=variable, motion={"law": "harmonic", "amplitude": 0.1 + 0.1 * k, "frequency": 3})
+        b.actuator(table, variable=variable)
+    b.payload(stage["tool"], mass=1)
+    b.payload(stage["tool"], mass=3)
+    b.time(end=1, samples=5)
+    return b
+
+
+@pytest.mark.parametrize(("path", "called"), [
+    ("coordinate.table.motion.amplitude", "table"), ("payload.stage.tool.mass", "stage.tool"),
+])
+def test_names_that_several_bear_lead_nowhere(path, called):
+    """The first of them was taken without a word."""
+    scene = carried_stage().scene()
+    with pytest.raises(linkdyn.SceneError, match=rf"several in '\w+' are called '{called}' \(expected one of them, by its number: \w+\[0\] is the first"):
+        scene.sweep({"axis": [{"parameter": path, "values": [0.1]}]})
+    with pytest.raises(linkdyn.InputError, match=r"several in 'payload' are called" if "payload" in path else r"there is no coordinate 'table' \(expected one of 'table.x'"):
+        scene.with_({path: 0.1})
+
+
+@pytest.mark.parametrize("path", ["coordinate.table.y.motion.amplitude", "coordinate[1].motion.amplitude", "payload[1].mass"])
+def test_variables_and_numbers_tell_tables_apart(path):
+    """Sweeps and `with_` take the same of them."""
+    scene = carried_stage().scene()
+    run = scene.sweep({"axis": [{"parameter": path, "values": [0.35, 7]}, {"time": True, "linspace": [0, 1, 5]}]}, keep="driving_force")
+    expected = [scene.with_({path: value}).inverse().driving_force.values for value in (0.35, 7)]
+    assert np.abs(expected[0] - expected[1]).max() > 0.1
+    np.testing.assert_allclose(run.driving_force.values.reshape(2, 5, 3), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_coordinates_of_markers_and_controllers_have_paths():
+    """Coordinates are called by their marker, a controller by its actuator, not by what it measures."""
+    scene = linkdyn.load(Path(__file__).resolve().parents[2] / "examples" / "fivebar_pick" / "scene.toml")
+    for path in ("coordinate.carrier.C.motion.y.values[1]", "controller.A.kp"):
+        changed = scene.with_({path: 0.123})
+        assert "0.123" in changed.text and "0.123" not in scene.text
+        assert scene.sweep({"axis": [{"parameter": path, "as": "factor", "values": [1.0]}], "reduce": ["driving_force"]}).sizes["design"] == 1
