@@ -62,6 +62,7 @@ contains
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
         character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
             //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
+        character(len=*), parameter :: no_other = ", and no other joint variable can take its place"
         integer :: stalled, lane
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
@@ -83,9 +84,15 @@ contains
         else if (run%dead_coordinate > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
-            if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+            if (run%options%switches) reason = reason//no_other
         else if (stalled > 0) then
-            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)//no_stand_in
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)
+            if (run%system%watch%variable(stalled) > 0) then     ! a hinge or slide itself
+                reason = reason//" comes to its dead point"
+                if (run%options%switches) reason = reason//no_other
+            else
+                reason = reason//no_stand_in
+            end if
         else if (run%system%assembly%map_lost(1) > 0 .and. .not. (run%system%bounce%is_ahead &
                                                                   .and. run%model%scene%passes_change_points)) then
             ! where runs end at change points, what turns back there does so for that

@@ -682,3 +682,11 @@ def test_joints_let_go_where_nothing_is_singular_on_the_way(instant: float, join
     assert run.attrs["stopped"] == "" and (run.status == 0).all()
     energy = (run.kinetic_energy + run.potential_energy).values
     assert np.abs(energy - energy[0]).max() < 1e-8
+
+
+def test_a_hinge_that_nothing_can_stand_in_for_is_told() -> None:
+    """Both cranks are at rest at once, only a universal joint's cross goes on: the message asked for hinges as coordinates, which were there."""
+    scene = linkdyn.load(ROOT / "tests" / "python" / "scenes" / "cross_goes_on_alone.toml")
+    rest = "coordinate 'J1' comes to its dead point"
+    assert scene.forward().attrs["stopped"].endswith(f"{rest}, and no other joint variable can take its place")
+    assert scene.forward(switch=False).attrs["stopped"].endswith(rest)

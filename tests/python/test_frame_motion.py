@@ -4,6 +4,7 @@ against another."""
 from __future__ import annotations
 
 import copy
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -470,3 +471,62 @@ def test_errors_of_free_runs(make: Any) -> None:
     assert (run.status == 0).all()
     assert 0 < run.q_error.max() < 1e-6
     assert np.abs(run.q.values - exact.q.values).max() < 10 * float(run.q_error.max()) + 1e-12
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.5])
+def test_impacts_on_a_frame_that_moves(begin: float) -> None:
+    """A body on a rope tied beside its centre of mass, from a hook on a frame that goes and turns: flight by the equations in the
+    turning frame, impacts by momentum."""
+    mass, inertia, length, restitution = 2.0, 0.3, 1.1, 0.6
+    hook, arm, gravity = np.array([0.1, 0.2]), np.array([0.15, 0.12]), np.array([0.5, -9.81])    # arm: from the centre of mass to the eye
+    cog = np.array([0.05, -0.02])
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": gravity.tolist(), "time": {"start": begin, "end": begin + 1, "samples": 21},
+        "frame": {"markers": {"H": hook.tolist()}, "motion": {
+            "x": {"law": "harmonic", "amplitude": 0.3, "frequency": 4.0, "phase": 0.2}, "yaw": {"law": "harmonic", "amplitude": 0.4, "frequency": 3.0, "phase": 0.5}}},
+        "link": [{"name": "body", "mass": mass, "inertia": inertia, "cog": cog.tolist(), "markers": {"E": (cog + arm).tolist()}}],
+        "coordinate": [{"link": "body", "start": {"position": [0.3, -0.2], "angle": 0.4, "velocity": [1.0, 2.0], "angular_rate": 3.0}}],
+        "measures": {"far": {"between": ["body.E", "frame.H"]}},
+        "stop": [{"name": "rope", "measure": "far", "max": length, "restitution": restitution}],
+    })  # fmt: skip
+
+    def turned(angle: float, v: Any) -> NDArray[np.float64]:
+        return np.array([math.cos(angle) * v[0] - math.sin(angle) * v[1], math.sin(angle) * v[0] + math.cos(angle) * v[1]])
+
+    def square(v: Any) -> NDArray[np.float64]:
+        return np.array([-v[1], v[0]])
+
+    def rates(t: float, y: NDArray[np.float64]) -> list[float]:
+        own = np.array([-0.3 * 16 * math.sin(4 * t + 0.2), 0])
+        yaw, w, a = 0.4 * math.sin(3 * t + 0.5), 1.2 * math.cos(3 * t + 0.5), -3.6 * math.sin(3 * t + 0.5)
+        return [*y[3:], *(turned(-yaw, gravity - own) - 2 * w * square(y[3:5]) - a * square(y[:2]) + w * w * y[:2]), -a]
+
+    def slack(_: float, y: NDArray[np.float64]) -> float:
+        return length - float(np.linalg.norm(y[:2] + turned(y[2], arm) - hook))
+
+    slack.terminal, slack.direction = True, -1      # type: ignore[attr-defined]
+    settings: dict[str, Any] = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    offset = turned(0.4, cog)
+    y = np.array([*(np.array([0.3, -0.2]) + offset), 0.4, *(np.array([1.0, 2.0]) + 3 * square(offset)), 3.0])
+    t, grid, expected, impacts = begin, np.linspace(begin, begin + 1, 21), np.zeros((21, 3)), []
+    while t < grid[-1]:
+        flight = solve_ivp(rates, (t, grid[-1]), y, events=slack, dense_output=True, **settings)
+        for k in np.flatnonzero((grid >= t) & (grid <= flight.t[-1])):
+            at = flight.sol(grid[k])
+            expected[k] = [*(at[:2] - turned(at[2], cog)), at[2]]
+        t, y = flight.t[-1], flight.y[:, -1].copy()
+        if flight.status == 1:
+            lever = turned(y[2], arm)
+            along = (y[:2] + lever - hook) / length
+            turn = lever[0] * along[1] - lever[1] * along[0]
+            speed, yielding = y[3:5] @ along + y[5] * turn, 1 / mass + turn**2 / inertia
+            push = (1 + restitution) * speed / yielding
+            impacts.append([t, push, 0.5 * (1 - restitution**2) * speed**2 / yielding])
+            y[3:5] -= push * along / mass
+            y[5] -= push * turn / inertia
+            t += 1e-7                               # off the rope, where the next flight begins
+            y = solve_ivp(rates, (t - 1e-7, t), y, **settings).y[:, -1]
+    run = scene.forward(rtol=1e-11, atol=1e-12)
+    assert not run.attrs["stopped"] and len(impacts) >= 2
+    np.testing.assert_allclose(run.q, expected, atol=1e-10)
+    np.testing.assert_allclose(np.transpose([run.event_time, run.event_impulse, run.event_loss]), impacts, rtol=1e-8)
