@@ -647,7 +647,8 @@ contains
 
         call flag_closed_forms(model, workspace%state, is_uncertain)
         workspace%is_doubtful = workspace%state%uncertainty > largest_uncertainty .and. .not. is_uncertain &
-                                .and. workspace%status == sample_ok
+                                .and. workspace%status == sample_ok .and. .not. (workspace%state%unreachable &
+                                .or. workspace%state%not_converged .or. workspace%state%branch_lost)
         where (is_uncertain .or. workspace%is_doubtful) workspace%status = sample_singular
     end subroutine flag_uncertain
 
