@@ -35,6 +35,7 @@ module linkdyn_bounce_watch
         logical :: is_recorded = .false.            !! records tell what it asks of the end of a step
         logical :: is_ahead = .false.               !! a step that went further than the last accepted state has bounced
         real(wp), private :: t_bounced = 0          !! its end [s]
+        real(wp), private :: least_rate = 0         !! smaller changes are errors: of what stands still, rounding
         integer, allocatable :: joint(:)            !! with one axis
         integer, allocatable :: link(:)             !! that turn in space
         type(motion_type), private :: start         !! of the step
@@ -103,6 +104,7 @@ contains
         type(bounce_watch), intent(inout) :: watch
         real(wp), parameter :: loose = 1.0e-5_wp    !! ten times below where one of some hundred runs first leapt
 
+        watch%least_rate = atol
         if (max(rtol, atol) > loose) &
             watch%is_on = follows_assembly(model) .and. any(is_free) .and. size(watch%joint) + size(watch%link) > 0
     end subroutine watch_loose_steps
@@ -180,7 +182,7 @@ contains
             was = norm2(before%rate, dim=1)
             is = norm2(now%rate, dim=1)
             change = norm2(now%rate - before%rate, dim=1)
-            least = seen*max(maxval(was), maxval(is))
+            least = max(seen*max(maxval(was), maxval(is)), watch%least_rate)
             ! the larger one may come of rounding near the dead point
             acceleration = norm2(now%acceleration, dim=1)
             if (before%has_accelerations) acceleration = min(acceleration, norm2(before%acceleration, dim=1))

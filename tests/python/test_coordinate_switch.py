@@ -690,3 +690,16 @@ def test_a_hinge_that_nothing_can_stand_in_for_is_told() -> None:
     rest = "coordinate 'J1' comes to its dead point"
     assert scene.forward().attrs["stopped"].endswith(f"{rest}, and no other joint variable can take its place")
     assert scene.forward(switch=False).attrs["stopped"].endswith(rest)
+
+
+@pytest.mark.parametrize("name", ["examples/tripteron/scene.toml", "tests/scenes/barrel_cam.toml", "tests/scenes/flat_cam_3d.toml"])
+@pytest.mark.parametrize("method", ["gbs", "rk8pd"])
+def test_what_stands_still_is_not_thrown_back(name: str, method: str) -> None:
+    """Held where it is by its drives, all that moves is rounding, and turns round at will: that is no dead point leapt over."""
+    file = ROOT / name
+    content = tomllib.loads(file.read_text())
+    for coordinate in content["coordinate"]:
+        coordinate.pop("motion", None)
+    run = linkdyn.Scene(content, folder=file.parent).forward(t=np.linspace(0, 0.05, 3), method=method)
+    assert run.attrs["stopped"] == "" and not run.status.values.any()
+    assert run.attrs["right_hand_sides"] < 10_000
