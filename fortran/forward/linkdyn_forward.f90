@@ -28,7 +28,7 @@ module linkdyn_forward
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, repeats
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_roads, only: road_counts, operator(+)
+    use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: frame_link, law_none, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_singular
     use linkdyn_stop_starts, only: refuse_beyond_stops, find_passed

@@ -143,13 +143,8 @@ contains
             call read_product(reader, names, depth, other)
             if (reader%problem /= "") return
             if (any(found%power /= other%power)) then
-                if (operator == "+") then
-                    call fail(reader, "adds "//dimension_text(other%power)//" to "//dimension_text(found%power)// &
-                        angle_hint(found, other))
-                else
-                    call fail(reader, "takes "//dimension_text(other%power)//" from "//dimension_text(found%power)// &
-                        angle_hint(found, other))
-                end if
+                call fail(reader, trim(merge("adds ", "takes", operator == "+"))//" "//dimension_text(other%power)//" "// &
+                    trim(merge("to  ", "from", operator == "+"))//" "//dimension_text(found%power)//angle_hint(found, other))
                 return
             end if
             if (found%node > 0 .or. other%node > 0) then
