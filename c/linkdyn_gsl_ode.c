@@ -81,8 +81,8 @@ void linkdyn_gsl_stepper_free(linkdyn_gsl_stepper *stepper)
 /* ---------------------------------------------------------------- the error that msbdf may make */
 
 typedef struct {
-    double rtol, atol;
-    const double *largest;
+    double rtol;
+    const double *atol, *largest;
 } allowance;
 
 static int errlevel(void *state, const double y, const double dydt, const double h, const size_t i, double *level)
@@ -90,7 +90,7 @@ static int errlevel(void *state, const double y, const double dydt, const double
     const allowance *allowed = state;
     (void)dydt;
     (void)h;
-    *level = allowed->atol + allowed->rtol * fmin(fabs(y), allowed->largest[i]);
+    *level = allowed->atol[i] + allowed->rtol * fmin(fabs(y), allowed->largest[i]);
     if (allowed->largest[i] < 0) *level = HUGE_VAL;
     return GSL_SUCCESS;
 }
@@ -127,12 +127,12 @@ static int set_driver(void *state, const gsl_odeiv2_driver *driver)
 
 static void *allocate(void) { return calloc(1, sizeof(allowance)); }
 
-/* GSL's parameters for y and its rate are 1 and 0 here. */
+/* Absolute errors are set by the component; GSL's parameters for y and its rate are 1 and 0 here. */
 static int initialize(void *state, double atol, double rtol, double of_y, double of_rate)
 {
+    (void)atol;
     (void)of_y;
     (void)of_rate;
-    ((allowance *)state)->atol = atol;
     ((allowance *)state)->rtol = rtol;
     return GSL_SUCCESS;
 }
@@ -147,15 +147,16 @@ struct linkdyn_gsl_ode {
     gsl_odeiv2_driver *driver;
     unsigned long rejected_before;    /* the last reset */
     double *kept;                     /* y before a step */
-    double *largest;
+    double *atol, *largest;           /* errors allowed */
 };
 
 /* The driver with our control in the place of its own. */
-static int take_control(linkdyn_gsl_ode *ode, double rtol, double atol)
+static int take_control(linkdyn_gsl_ode *ode, double rtol)
 {
     gsl_odeiv2_control *control = gsl_odeiv2_control_alloc(&control_type);
     if (!control) return GSL_ENOMEM;
-    gsl_odeiv2_control_init(control, atol, rtol, 1.0, 0.0);
+    gsl_odeiv2_control_init(control, 0.0, rtol, 1.0, 0.0);
+    ((allowance *)control->state)->atol = ode->atol;
     ((allowance *)control->state)->largest = ode->largest;
     gsl_odeiv2_control_free(ode->driver->c);
     ode->driver->c = control;
@@ -163,20 +164,21 @@ static int take_control(linkdyn_gsl_ode *ode, double rtol, double atol)
 }
 
 linkdyn_gsl_ode *linkdyn_gsl_ode_new(size_t n, linkdyn_ode_rates rates, linkdyn_ode_jacobian jacobian, void *context,
-                                     double first_step, double rtol, double atol, const double *largest)
+                                     double first_step, double rtol, const double *largest)
 {
     linkdyn_gsl_ode *ode = calloc(1, sizeof *ode);
     if (!ode) return NULL;
     ode->caller = (caller){rates, jacobian, context};
     ode->system = (gsl_odeiv2_system){call_rates, call_jacobian, n, &ode->caller};
     ode->kept = malloc(n * sizeof *ode->kept);
+    ode->atol = calloc(n, sizeof *ode->atol);
     ode->largest = malloc(n * sizeof *ode->largest);
     gsl_error_handler_t *before = gsl_set_error_handler_off();
-    ode->driver = gsl_odeiv2_driver_alloc_y_new(&ode->system, gsl_odeiv2_step_msbdf, first_step, atol, rtol);
-    int is_complete = ode->kept && ode->largest && ode->driver;
+    ode->driver = gsl_odeiv2_driver_alloc_y_new(&ode->system, gsl_odeiv2_step_msbdf, first_step, 0.0, rtol);
+    int is_complete = ode->kept && ode->atol && ode->largest && ode->driver;
     if (is_complete) {
         memcpy(ode->largest, largest, n * sizeof *largest);
-        is_complete = take_control(ode, rtol, atol) == GSL_SUCCESS;
+        is_complete = take_control(ode, rtol) == GSL_SUCCESS;
     }
     gsl_set_error_handler(before);
     if (is_complete) return ode;
@@ -184,12 +186,13 @@ linkdyn_gsl_ode *linkdyn_gsl_ode_new(size_t n, linkdyn_ode_rates rates, linkdyn_
     return NULL;
 }
 
-int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y)
+int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y, const double *atol)
 {
     gsl_odeiv2_driver *d = ode->driver;
     double t_before = *t;
     size_t bytes = ode->system.dimension * sizeof *y;
     memcpy(ode->kept, y, bytes);
+    memcpy(ode->atol, atol, bytes);
     gsl_error_handler_t *before = gsl_set_error_handler_off();
     int code = gsl_odeiv2_evolve_apply(d->e, d->c, d->s, d->sys, t, t_end, h, y);
     gsl_set_error_handler(before);
@@ -216,6 +219,7 @@ void linkdyn_gsl_ode_free(linkdyn_gsl_ode *ode)
     if (!ode) return;
     if (ode->driver) gsl_odeiv2_driver_free(ode->driver);
     free(ode->kept);
+    free(ode->atol);
     free(ode->largest);
     free(ode);
 }

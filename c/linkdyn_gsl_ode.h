@@ -31,11 +31,11 @@ typedef struct linkdyn_gsl_ode linkdyn_gsl_ode;
 /* largest: what |y| counts at most where errors are relative; negative: any error is allowed. NULL if there is no
    memory. */
 linkdyn_gsl_ode *linkdyn_gsl_ode_new(size_t n, linkdyn_ode_rates rates, linkdyn_ode_jacobian jacobian, void *context,
-                                     double first_step, double rtol, double atol, const double *largest);
+                                     double first_step, double rtol, const double *largest);
 
-/* One accepted step from *t towards t_end, never beyond; *h in: to try, out: proposed next.
-   0: done; otherwise GSL's code, y and *t as before. */
-int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y);
+/* One accepted step from *t towards t_end, never beyond; *h in: to try, out: proposed next; atol: absolute error of each
+   component that is allowed. 0: done; otherwise GSL's code, y and *t as before. */
+int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y, const double *atol);
 
 /* Forget the history: the right-hand side has a kink here. */
 int linkdyn_gsl_ode_reset(linkdyn_gsl_ode *ode);

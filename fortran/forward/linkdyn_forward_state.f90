@@ -20,11 +20,12 @@ module linkdyn_forward_state
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
+    use linkdyn_way_gone, only: family_alone, family_place, family_rate
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, &
-        read_attitudes
+    public :: state_layout, plan_layout, angles_of_state, families_of_state, choose_free, fill_start, unpack_state, pack_rates, &
+        read_coordinates, read_attitudes
     public :: scene_start, counted_rates
 
     !> Where everything stands in y.
@@ -162,6 +163,21 @@ contains
             if (layout%counted(k) > 0) is_angle(layout%counted(k)) = .not. any(is_threaded(model%joint%kind))
         end do
     end function angles_of_state
+
+    !> Which components of y are places, and which the rates of such.
+    pure function families_of_state(layout) result(family)
+        type(state_layout), intent(in) :: layout
+        integer :: family(layout%n)
+        integer :: i, k
+
+        family = family_alone
+        family(pack(layout%position, layout%position > 0)) = family_place
+        family(pack(layout%rate, layout%rate > 0)) = family_rate
+        family(pack(layout%counted, layout%counted > 0)) = family_place
+        do i = 1, size(layout%quaternion)
+            if (layout%quaternion(i) > 0) family([(layout%quaternion(i) + k, k=0, 3)]) = family_place
+        end do
+    end function families_of_state
 
     !> Coordinates and rates at the start: as the scene says, or else what the motion law has at t.
     subroutine scene_start(model, t, q, qd)

@@ -32,7 +32,8 @@ module linkdyn_forward_system
         wraps_anywhere, follow_angles, looks_for_angles, follow_within, note_nearest, angles_at
     use linkdyn_forward_look, only: forward_look, free_looks
     use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
-    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
+    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, families_of_state, unpack_state, pack_rates, &
+        counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
     use linkdyn_held_variables, only: held_accelerations
     use linkdyn_kinds, only: wp
@@ -453,6 +454,7 @@ contains
         call plan_layout(model, unknown%acceleration, system%layout)
         system%n = system%layout%n
         system%is_angle = angles_of_state(model, system%layout)
+        system%family = families_of_state(system%layout)
         allocate (system%turns(lanes, system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.

@@ -16,6 +16,7 @@ module linkdyn_integrator
     use linkdyn_step_control, only: step_control, controlled_step, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_way_gone, only: way_gone_type
     implicit none (type, external)
     private
     public :: integrator_type, integrator_options, recall_integrator, method_rk4, method_rkf45, method_rk8pd, method_msbdf, &
@@ -49,7 +50,7 @@ module linkdyn_integrator
         integer :: method = default_method
         real(wp) :: step = 1.0e-3_wp           !! fixed step (no longer than this); first step tried by the adaptive ones
         real(wp) :: rtol = 1.0e-9_wp           !! local error allowed, relative to y
-        real(wp) :: atol = 1.0e-9_wp           !! and absolute
+        real(wp) :: atol = 1.0e-9_wp           !! and absolute: see `linkdyn_way_gone`
         real(wp) :: span = 0                   !! how long the run is to be; 0: not known
     end type integrator_options
 
@@ -82,6 +83,7 @@ module linkdyn_integrator
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
         type(step_control), private :: control
+        type(way_gone_type), private :: gone                     !! with msbdf
         ! ---- where guards cross (all methods but rk4 look back into the last step for instants of output)
         real(wp), private :: first_t = 0                         !! of the run
         type(controlled_step), private :: taken                  !! the last step
@@ -94,6 +96,7 @@ module linkdyn_integrator
     !> A step of a multistep method.
     type, extends(step_taken) :: multistep_taken
         real(wp) :: rtol = 0, atol = 0
+        type(way_gone_type) :: gone
     contains
         procedure :: retake => retake_multistep
     end type multistep_taken
@@ -194,13 +197,14 @@ contains
         end if
         associate (options => self%options, control => self%control)
             system%span = options%span
+            call self%gone%start(y(1, :), system%family)
             system%evaluations_a_step = merge(extrapolated, taken_by_stages, any(options%method == [method_gbs, method_seulex]))
             select case (options%method)
             case (method_rk4)
                 call self%work%prepare(system%n)
                 return
             case (method_msbdf)
-                call self%gsl%start(system, self%next_step, options%rtol, options%atol, status)
+                call self%gsl%start(system, self%next_step, options%rtol, status)
                 return
             case (method_gbs)
                 allocate (gbs)
@@ -215,7 +219,7 @@ contains
                 call runge_kutta%start(trim(method_name(options%method)), system, status)
                 call move_alloc(runge_kutta, control%method)
             end select
-            call control%start(self%t, y(1, :), self%next_step, options%rtol, options%atol)
+            call control%start(self%t, y(1, :), self%next_step, options%rtol, options%atol, self%gone)
             self%taken%n_evaluation = 0
         end associate
     end subroutine prepare_method
@@ -469,7 +473,7 @@ contains
             kept = y
             n_jump = system%n_jump
             t_next = end_of_looking(self, system, t_end)
-            call self%gsl%take_step(self%t, t_next, h, solution, ok)
+            call self%gsl%take_step(self%t, t_next, h, solution, self%gone%absolute_error(solution, self%options%atol), ok)
             call self%pause%note_work()
             if (.not. ok .and. is_interrupted()) then
                 self%t = t_before
@@ -500,6 +504,7 @@ contains
                 cycle
             end if
             call go_on(self, system, solution, self%t - t_before, y)
+            call self%gone%note(solution)
             if (.not. (is_sound .or. all(self%failed))) call undo_broken_steps(self, system, n_jump, kept, y)
             if (all(self%failed) .and. self%reason == stop_law) self%good_until = t_before
             if (all(self%failed)) exit
@@ -557,9 +562,10 @@ contains
         type(integrator_type), intent(in) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: solution(:)                     !! at self%t
+        real(wp) :: allowed(size(solution))
 
-        keeps_law = .not. system%broken_law(self%t, solution, 4*spacing(solution), &
-                                            self%options%atol + self%options%rtol*abs(solution)) > 1
+        allowed = self%gone%absolute_error(solution, self%options%atol) + self%options%rtol*abs(solution)
+        keeps_law = .not. system%broken_law(self%t, solution, 4*spacing(solution), allowed) > 1
     end function keeps_law
 
     !> Does a step to a solution end where no way from the accepted one leads? A shorter one is to be taken.
@@ -596,6 +602,7 @@ contains
         taken%length = self%t - t_before
         taken%rtol = self%options%rtol
         taken%atol = self%options%atol
+        taken%gone = self%gone
         taken%y = y
         taken%y_end = spread(solution, 1, lanes)
         call system%evaluate_alone(t_before, y(1, :), rate, failed)
@@ -648,7 +655,7 @@ contains
         allocate (seulex)
         call seulex%start(system%n, self%rtol)
         call move_alloc(seulex, control%method)
-        call control%start(self%t(1), self%y(1, :), t_end - self%t(1), self%rtol, self%atol)
+        call control%start(self%t(1), self%y(1, :), t_end - self%t(1), self%rtol, self%atol, self%gone)
         do while (control%t < t_end)
             call control%take_step(system, t_end, t_end, never, outcome)
             if (outcome /= step_accepted) exit

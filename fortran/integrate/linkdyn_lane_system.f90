@@ -18,6 +18,8 @@ module linkdyn_lane_system
                                                           !! turn, and are asked for no worse; not allocated: none (n)
         real(wp), allocatable :: turns(:, :)              !! not in the y that the steps go on with; there if `is_angle` is
                                                           !! (lane, n)
+        integer, allocatable :: family(:)                 !! of each component, one of `family_*`: which have ways of about one
+                                                          !! size; not allocated: each is alone (n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)

@@ -79,20 +79,21 @@ module linkdyn_ode_gsl
             import :: c_ptr
             type(c_ptr), value :: handle
         end subroutine linkdyn_gsl_stepper_free
-        function linkdyn_gsl_ode_new(n, rates, jacobian, context, first_step, rtol, atol, largest) bind(c) result(handle)
+        function linkdyn_gsl_ode_new(n, rates, jacobian, context, first_step, rtol, largest) bind(c) result(handle)
             import :: c_size_t, c_funptr, c_ptr, c_double
             integer(c_size_t), value :: n
             type(c_funptr), value :: rates, jacobian
             type(c_ptr), value :: context
-            real(c_double), value :: first_step, rtol, atol
+            real(c_double), value :: first_step, rtol
             real(c_double), intent(in) :: largest(*)
             type(c_ptr) :: handle
         end function linkdyn_gsl_ode_new
-        function linkdyn_gsl_ode_step(handle, t, t_end, h, y) bind(c) result(code)
+        function linkdyn_gsl_ode_step(handle, t, t_end, h, y, atol) bind(c) result(code)
             import :: c_ptr, c_double, c_int
             type(c_ptr), value :: handle
             real(c_double), intent(inout) :: t, h, y(*)
             real(c_double), value :: t_end
+            real(c_double), intent(in) :: atol(*)
             integer(c_int) :: code
         end function linkdyn_gsl_ode_step
         function linkdyn_gsl_ode_reset(handle) bind(c) result(code)
@@ -185,10 +186,10 @@ contains
     ! ---------------------------------------------------------------- msbdf
 
     !> Prepare a run.
-    subroutine start(self, system, first_step, rtol, atol, status)
+    subroutine start(self, system, first_step, rtol, status)
         class(ode_gsl), intent(inout) :: self
         class(lane_system), intent(inout), target :: system   !! must outlive the run
-        real(wp), intent(in) :: first_step, rtol, atol
+        real(wp), intent(in) :: first_step, rtol
         type(status_type), intent(inout) :: status
         real(wp) :: largest(system%n)
 
@@ -198,21 +199,22 @@ contains
         if (allocated(system%is_angle)) where (system%is_angle) largest = two_pi
         if (allocated(system%is_book)) where (system%is_book) largest = -1
         self%handle = linkdyn_gsl_ode_new(int(system%n, c_size_t), c_funloc(rates), c_funloc(jacobian), c_loc(self%frame), &
-                                          first_step, rtol, atol, largest)
+                                          first_step, rtol, largest)
         if (.not. c_associated(self%handle)) call fail(status, status_internal, "no memory for method 'msbdf'")
     end subroutine start
 
     !> One accepted step towards t_end, never beyond.
-    subroutine take_step(self, t, t_end, h, y, ok)
+    subroutine take_step(self, t, t_end, h, y, atol, ok)
         class(ode_gsl), intent(inout) :: self
         real(wp), intent(inout) :: t
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: h                   !! in: to try; out: proposed for the next step
         real(wp), intent(inout) :: y(:)
+        real(wp), intent(in) :: atol(:)                !! error allowed, besides the relative one (n)
         logical, intent(out) :: ok                     !! false: no step can be taken; t and y are as before
 
         self%frame%n_before_step = self%frame%n_evaluation
-        ok = linkdyn_gsl_ode_step(self%handle, t, t_end, h, y) == 0
+        ok = linkdyn_gsl_ode_step(self%handle, t, t_end, h, y, atol) == 0
     end subroutine take_step
 
     !> Forget the history: the right-hand side has a kink here, or y was changed.

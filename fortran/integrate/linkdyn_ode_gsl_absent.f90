@@ -68,21 +68,22 @@ contains
         next = step
     end subroutine propose_runge_kutta
 
-    subroutine start(self, system, first_step, rtol, atol, status)
+    subroutine start(self, system, first_step, rtol, status)
         class(ode_gsl), intent(inout) :: self
         class(lane_system), intent(inout), target :: system
-        real(wp), intent(in) :: first_step, rtol, atol
+        real(wp), intent(in) :: first_step, rtol
         type(status_type), intent(inout) :: status
 
         call refuse("msbdf", status)
     end subroutine start
 
-    subroutine take_step(self, t, t_end, h, y, ok)
+    subroutine take_step(self, t, t_end, h, y, atol, ok)
         class(ode_gsl), intent(inout) :: self
         real(wp), intent(inout) :: t
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: h
         real(wp), intent(inout) :: y(:)
+        real(wp), intent(in) :: atol(:)
         logical, intent(out) :: ok
 
         ok = .false.

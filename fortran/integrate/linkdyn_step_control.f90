@@ -23,6 +23,7 @@ module linkdyn_step_control
     use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
     use linkdyn_step_curve, only: step_curve
+    use linkdyn_way_gone, only: way_gone_type
     use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
@@ -88,6 +89,7 @@ module linkdyn_step_control
         integer, private :: n_accepted = 0             !! steps
         real(wp), private :: excess = 0                !! sum of errors that rounding has left in them, over those asked for
         real(wp), private :: rtol = 0, atol = 0
+        type(way_gone_type), private :: gone           !! which says what part of atol is allowed
         real(wp), allocatable, private :: rest(:)      !! to be added to y, less than its last place (n)
         real(wp), allocatable, private :: allowed(:)   !! error of the last step (n)
         real(wp), allocatable, private :: rate(:)      !! at t (n)
@@ -121,6 +123,7 @@ module linkdyn_step_control
         real(wp), allocatable, private :: rest(:), rest_end(:)    !! of y at its ends (n)
         real(wp), allocatable, private :: allowed(:)   !! error (n)
         real(wp), private :: rtol = 0, atol = 0
+        type(way_gone_type), private :: gone
         type(step_curve), private :: curve
         integer :: n_evaluation = 0                    !! in looking within, so far (blocks)
     contains
@@ -131,17 +134,23 @@ module linkdyn_step_control
 contains
 
     !> Begin at t with y; the method has been prepared.
-    subroutine start(self, t, y, first_step, rtol, atol)
+    subroutine start(self, t, y, first_step, rtol, atol, gone)
         class(step_control), intent(inout) :: self
         real(wp), intent(in) :: t, y(:)
         real(wp), intent(in) :: first_step             !! to try
         real(wp), intent(in) :: rtol, atol             !! local error allowed
+        type(way_gone_type), intent(in), optional :: gone   !! by the solution so far; absent: it begins here
 
         self%t = t
         self%y = y
         self%next = first_step
         self%rtol = rtol
         self%atol = atol
+        if (present(gone)) then
+            self%gone = gone
+        else
+            call self%gone%start(y)
+        end if
         self%rest = 0*y
         self%rate = 0*y
         self%roughness = 0*y
@@ -366,7 +375,7 @@ contains
             turned = two_pi*system%turns(1, :)
             where (system%is_angle) size_of = min(max(abs(self%y + turned), abs(trial%y + turned)), two_pi)
         end if
-        trial%asked = self%atol + self%rtol*size_of
+        trial%asked = self%gone%absolute_error(trial%y, self%atol) + self%rtol*size_of
         trial%allowed = max(trial%asked*max(1.0_wp, share_of_rounding(self)), rounding*size_of, &
                             rounding*max(abs(trial%way), abs(trial%step*self%rate)), &
                             min(explained*self%roughness*abs(trial%step), bearable(self%rtol, self%atol)*trial%asked))
@@ -420,6 +429,7 @@ contains
         self%last = trial%step
         self%t = self%t + trial%step
         self%y = trial%y
+        call self%gone%note(trial%y)
         self%rest = trial%rest
         self%rate = trial%rate
         self%mode = trial%mode
@@ -734,6 +744,7 @@ contains
         taken%allowed = self%allowed
         taken%rtol = self%rtol
         taken%atol = self%atol
+        taken%gone = self%gone
         call taken%curve%forget()
     end subroutine end_taken
 
@@ -927,7 +938,7 @@ contains
 
         solution = ieee_value(1.0_wp, ieee_quiet_nan)
         allocate (control%method, source=self%method)
-        call control%start(self%t(1), self%y(1, :), t(1) - self%t(1), self%rtol, self%atol)
+        call control%start(self%t(1), self%y(1, :), t(1) - self%t(1), self%rtol, self%atol, self%gone)
         control%rest = self%rest
         place = 1
         do n_step = 1, most_steps + size(t)

@@ -608,7 +608,9 @@ class Scene:
         step
             The fixed step, or the first one tried [s].
         rtol, atol
-            Error allowed in a step, relative and absolute; no more than 1e-4 (msbdf: 1e-5) is.
+            Error allowed in a step, relative and absolute [m, rad, and these in a second]; no more than 1e-4
+            (msbdf: 1e-5) is. What has gone less than 0.1 so far is allowed that much less: small motions have
+            nearly the digits of large ones.
         want, solver, threads
             As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
         progress

@@ -1,0 +1,58 @@
+"""Motions of a micrometre have the digits of motions of a metre: no scene says how far its parts will go."""
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+OMEGA = 100.0  # rad/s
+OSCILLATOR = """
+title = "mass on a spring"
+space = "planar"
+gravity = [0, 0]
+[frame]
+markers = {{ o = [0, 0], wall = [-2, 0] }}
+[[link]]
+name = "mass"
+mass = 1
+inertia = 1
+markers = {{ a = [0, 0] }}
+[[joint]]
+name = "slide"
+type = "prismatic"
+between = ["frame.o", "mass.a"]
+[[spring]]
+name = "spring"
+between = ["frame.wall", "mass.a"]
+stiffness = 1e4
+rest = 2
+[[coordinate]]
+joint = "slide"
+start = {start!r}
+[time]
+end = 1
+samples = 41
+"""
+METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"]
+
+
+def relative_error(amplitude: float, method: str) -> float:
+    run = linkdyn.Scene(OSCILLATOR.format(start=amplitude)).forward(method=method)
+    right = amplitude * np.cos(OMEGA * run.time.values)
+    return float(np.abs(run.q.values[:, 0] - right).max() / amplitude)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("amplitude", [1e-3, 1e-6, 1e-9])
+def test_digits_of_small_motions(amplitude: float, method: str) -> None:
+    # A way below 0.1 is to its tolerance as a tenth of a way of 1 is to 1e-9, and errors of steps add up by chance some times more or less.
+    # What is left at nanometres is rounding: of the spring's length, at each of some thousand evaluations, and of steps' errors.
+    rounding = 100 * np.finfo(float).eps * 2.0 / amplitude
+    assert relative_error(amplitude, method) < 100 * relative_error(1.0, method) + rounding
+
+
+def test_what_stands_still_costs_no_steps() -> None:
+    """A part that only rounding moves is not resolved to rounding."""
+    at_rest = linkdyn.Scene(OSCILLATOR.format(start=0.0)).forward()
+    assert abs(at_rest.q.values).max() < 1e-15
+    assert at_rest.attrs["steps"] < 100
