@@ -21,7 +21,7 @@ module linkdyn_equations
         out_solution, out_press, out_square, out_transmitted
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_friction_balance, only: balance_friction
-    use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, pressing_forces
+    use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, knows_slopes, pressing_forces
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
     use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared
@@ -360,6 +360,7 @@ contains
         call judge_motion(model, workspace)
         call take_numbers(model, workspace%state, workspace%load, workspace%numbers)
         call find_sliding(model, equations, workspace)
+        workspace%friction%has_slope = .false.
         where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         workspace%status_of_motion = workspace%status
         call solve_with_friction(model, equations, workspace)
@@ -518,7 +519,8 @@ contains
 
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
     !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`). What
-    !> drives lose is found that way at once: they are few, and a poor screw loses more than half.
+    !> drives lose is found that way at once: they are few, and a poor screw loses more than half. So is all else where it is known
+    !> already what each contact does, or costs less to find than rounds.
     subroutine settle_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
@@ -533,7 +535,7 @@ contains
         is_settled(workspace%n_used + 1:) = .true.
         call find_pressing_forces(model, equations, workspace, force_before)
         change_before = 1                              ! from no friction to some
-        do n = 1, merge(most_rounds, 0, size(model%contact) > 0)
+        do n = 1, rounds_worth_while(model, equations, workspace)
             do i = 1, size(equations%rub)
                 where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%factor(:, i)*force_before(:, i)
             end do
@@ -582,6 +584,19 @@ contains
         end subroutine spare_lanes_follow
     end subroutine settle_friction
 
+    !> Rounds of putting friction in again before what each contact does is looked at. Where joints share reactions a round costs
+    !> as much as that.
+    pure integer function rounds_worth_while(model, equations, workspace) result(n)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(in) :: workspace
+
+        n = 0
+        if (size(model%contact) == 0 .or. knows_slopes(workspace%friction, workspace%n_used)) return
+        n = most_rounds
+        if (friction_is_shared(model)) n = min(n, size(equations%rub) + 2)
+    end function rounds_worth_while
+
     subroutine find_pressing_forces(model, equations, workspace, force)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
@@ -599,35 +614,23 @@ contains
         type(equation_workspace), intent(inout) :: workspace
         logical, intent(in) :: is_settled(lanes)
         real(wp), dimension(lanes, size(equations%rub)) :: settled, force
-        real(wp), dimension(lanes) :: largest, one
-        real(wp), allocatable :: press(:, :, :), slope(:, :, :, :)
-        integer :: k, lane
+        real(wp), allocatable :: press(:, :, :)
+        integer :: lane
 
-        associate (n => size(equations%rub), friction => workspace%friction)
+        associate (friction => workspace%friction)
             settled = friction%amount
-            allocate (slope(lanes, size(friction%press, 2), n, n))
             if (any(abs(settled) > 0)) then
                 friction%amount = 0
                 call solve_forces(model, equations, workspace)
             end if
             call find_pressing_forces(model, equations, workspace, force)
             press = friction%press
-            largest = maxval(force, dim=2)
-            do k = 1, n
-                ! about as much as it will be, for the digits' sake
-                one = friction%factor(:, k)*largest
-                friction%amount = 0
-                friction%amount(:, k) = one
-                call solve_forces(model, equations, workspace)
-                call find_pressing_forces(model, equations, workspace, force)
-                do lane = 1, lanes
-                    slope(lane, :, :, k) = (friction%press(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
-                end do
-            end do
+            if (.not. knows_slopes(friction, workspace%n_used)) &
+                call find_slopes(model, equations, press, maxval(force, dim=2), workspace)
             friction%amount = settled
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
-                call balance_friction(equations%rub, friction%factor(lane, :), press(lane, :, :), slope(lane, :, :, :), &
+                call balance_friction(equations%rub, friction%factor(lane, :), press(lane, :, :), friction%slope(lane, :, :, :), &
                                       friction%amount(lane, :), workspace%state%holding(lane))
                 if (workspace%state%holding(lane) == 0) cycle
                 workspace%status(lane) = sample_locked
@@ -637,6 +640,32 @@ contains
             end do
         end associate
     end subroutine continue_friction
+
+    !> What each contact's friction does to all that presses.
+    subroutine find_slopes(model, equations, press, largest, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        real(wp), intent(in) :: press(:, :, :)         !! where nothing rubs (lane, n_press, contact) [N]
+        real(wp), intent(in) :: largest(:)             !! of the forces there (lane) [N]
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: force(lanes, size(equations%rub)), one(lanes)
+        integer :: k, lane
+
+        associate (friction => workspace%friction)
+            do k = 1, size(equations%rub)
+                ! about as much as it will be, for the digits' sake
+                one = friction%factor(:, k)*largest
+                friction%amount = 0
+                friction%amount(:, k) = one
+                call solve_forces(model, equations, workspace)
+                call find_pressing_forces(model, equations, workspace, force)
+                do lane = 1, lanes
+                    friction%slope(lane, :, :, k) = (friction%press(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
+                end do
+                friction%has_slope(:, k) = one > 0
+            end do
+        end associate
+    end subroutine find_slopes
 
     !> A sample whose motion or forces have lost their digits to a dead point or a change point is as good as singular,
     !> whatever the solver.

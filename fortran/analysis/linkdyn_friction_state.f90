@@ -6,7 +6,7 @@ module linkdyn_friction_state
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
-    public :: friction_state, prepare_friction, find_factors, pressing_forces
+    public :: friction_state, prepare_friction, find_factors, pressing_forces, knows_slopes
 
     type :: friction_state
         real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
@@ -15,6 +15,9 @@ module linkdyn_friction_state
                                                        !! joint variable [N, N m] (lane, contact)
         real(wp), allocatable :: sense(:, :)           !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2;
                                                        !! 0: smooth over their speed (lane, contact)
+        ! ---- what each amount does to what presses, wherever stops and clutches push
+        real(wp), allocatable :: slope(:, :, :, :)     !! (lane, n_press, contact, contact)
+        logical, allocatable :: has_slope(:, :)        !! is it known? (lane, contact)
     end type friction_state
 
 contains
@@ -23,6 +26,8 @@ contains
         integer, intent(in) :: n                       !! contacts and drives
         type(friction_state), intent(out) :: friction
 
+        allocate (friction%slope(lanes, n_press, n, n), source=0.0_wp)
+        allocate (friction%has_slope(lanes, n), source=.false.)
         allocate (friction%factor(lanes, n), friction%press(lanes, n_press, n), friction%amount(lanes, n), &
                   friction%sense(lanes, n), source=0.0_wp)
     end subroutine prepare_friction
@@ -51,6 +56,14 @@ contains
             end do
         end do
     end subroutine find_factors
+
+    !> Is it known what all that rubs does to what presses?
+    pure logical function knows_slopes(friction, n_used)
+        type(friction_state), intent(in) :: friction
+        integer, intent(in) :: n_used                  !! lanes
+
+        knows_slopes = all(friction%has_slope(:n_used, :) .or. .not. friction%factor(:n_used, :) > 0)
+    end function knows_slopes
 
     !> The forces that press.
     pure subroutine pressing_forces(contact, friction, force)
