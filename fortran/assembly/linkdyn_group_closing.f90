@@ -3,13 +3,13 @@
 !> The matrix of the constraints serves the errors of places, velocities, and accelerations; it is solved here, with pivots for each
 !> lane.
 module linkdyn_group_closing
-    use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, run_kernel, set_rates
     use linkdyn_model, only: model_type, group_type, orientation_of
+    use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_step_kernels, only: of_errors, of_velocities, of_accelerations, of_looks
@@ -48,7 +48,8 @@ contains
         type(model_type), intent(in) :: model
         type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: matrix(:, :, :), error(:, :)    !! (lane, row, column), (lane, row)
+        real(wp), intent(inout) :: matrix(lanes, *)      !! as `elimination_pattern` stores it (lane, slot)
+        real(wp), intent(out) :: error(:, :)             !! (lane, row)
         real(wp), allocatable :: found(:, :)
 
         call run_kernel(model, use, of_errors, state, found)
@@ -62,7 +63,7 @@ contains
         type(kernel_use), intent(in) :: use
         real(wp), intent(in) :: step(lanes)
         type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: matrix(:, :, :)
+        real(wp), intent(inout) :: matrix(lanes, *)      !! (lane, slot)
         real(wp), allocatable :: found(:, :)
 
         call run_kernel(model, use, of_errors, state, found, ahead=step)
@@ -72,16 +73,17 @@ contains
     pure subroutine fill_matrix(use, found, matrix)
         type(kernel_use), intent(in) :: use
         real(wp), intent(in) :: found(:, :)
-        real(wp), intent(out) :: matrix(:, :, :)
-        integer :: k
+        real(wp), intent(inout) :: matrix(lanes, *)      !! (lane, slot)
+        integer :: k, slot
 
-        matrix = 0
-        associate (form => use%kernels%form)
+        associate (form => use%kernels%form, pattern => use%kernels%pattern)
+            matrix(:, :pattern%n_slot) = 0
             do k = 1, size(form%row)
+                slot = pattern%slot(form%row(k), form%column(k))
                 if (form%output(k) > 0) then
-                    matrix(:, form%row(k), form%column(k)) = found(:, form%output(k))
+                    matrix(:, slot) = found(:, form%output(k))
                 else
-                    matrix(:, form%row(k), form%column(k)) = form%constant(k)
+                    matrix(:, slot) = form%constant(k)
                 end if
             end do
         end associate
@@ -95,15 +97,14 @@ contains
         type(kernel_use), intent(in) :: use
         integer, intent(in) :: n_column                  !! `velocities_only`, or columns
         type(kinematic_state), intent(inout) :: state
-        real(wp), intent(out) :: matrix(:, :, :)         !! scratch (lane, row, row)
+        real(wp), intent(inout) :: matrix(lanes, *)      !! scratch (lane, slot)
         real(wp), intent(out) :: right(:, :, :)          !! likewise (lane, row, 1 + columns)
         real(wp), intent(out) :: gap(:, :, level_velocity:)    !! right-hand sides of both levels (lane, row, level)
         logical, intent(out) :: is_singular(lanes)
         real(wp), allocatable :: entry(:, :), found(:, :)
-        real(wp) :: growth(lanes)
-        integer :: n, n_right, level
+        real(wp) :: determinant(lanes)
+        integer :: n_right, level
 
-        n = size(matrix, 2)
         n_right = 1 + max(n_column, 0)
         call run_kernel(model, use, of_errors, state, entry)
         call run_kernel(model, use, of_velocities, state, found, level_velocity)
@@ -114,7 +115,7 @@ contains
             right(:, :, level + 1) = found
         end do
         call fill_matrix(use, entry, matrix)
-        call solve_gauss_jordan(n, n_right, matrix, right(:, :, :n_right), growth, is_singular)
+        call eliminate_by_pattern(use%kernels%pattern, n_right, matrix, right(:, :, :n_right), is_singular, determinant)
         associate (part => model%part(use%step))
             call set_rates(model, part, level_velocity, right(:, :, 1), state)
             do level = 1, n_column
@@ -125,7 +126,7 @@ contains
             right(:, :, 1) = found
             gap(:, :, level_given) = found
             call fill_matrix(use, entry, matrix)
-            call solve_gauss_jordan(n, 1, matrix, right(:, :, :1), growth, is_singular)
+            call eliminate_by_pattern(use%kernels%pattern, 1, matrix, right(:, :, :1), is_singular, determinant)
             call set_rates(model, part, level_given, right(:, :, 1), state)
         end associate
     end subroutine move_loop

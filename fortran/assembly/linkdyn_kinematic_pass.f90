@@ -200,7 +200,7 @@ contains
         type(model_type), intent(in) :: model
         type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state
-        real(wp), dimension(lanes, 2*link_freedom(model), 2*link_freedom(model)) :: matrix
+        real(wp) :: matrix(lanes, (2*link_freedom(model))**2)
         real(wp) :: right(lanes, 2*link_freedom(model), 1 + max(0, state%n_column))
         real(wp) :: gap(lanes, 2*link_freedom(model), level_velocity:level_given)
         logical :: is_singular(lanes)

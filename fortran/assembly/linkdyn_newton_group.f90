@@ -11,7 +11,6 @@ module linkdyn_newton_group
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: two_pi
     use linkdyn_following, only: largest_contraction, untrusted
-    use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_closing, only: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads
     use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_table, only: is_threaded, is_slide, n_transmitted
@@ -23,6 +22,7 @@ module linkdyn_newton_group
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
+    use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
     use linkdyn_scene, only: joint_revolute
@@ -252,8 +252,8 @@ contains
         associate (group => model%group(g))
             n = size(group%unit)
             call put_links(model, group, state)
-            call assemble_errors(model, use, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
-            call solve_with_probe(group, state, margin_here, no_pivot_here)
+            call assemble_errors(model, use, state, state%group%matrix, state%group%right(:, :n, 1))
+            call solve_with_probe(group, use, state, margin_here, no_pivot_here)
         end associate
         where (.not. is_recorded)
             margin = margin_here
@@ -276,7 +276,7 @@ contains
 
         n = size(group%unit)
         n_column = merge(velocities_only, state%n_column, state%group%is_led)
-        call move_loop(model, use, n_column, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, :), gap, is_singular)
+        call move_loop(model, use, n_column, state, state%group%matrix, state%group%right(:, :n, :), gap, is_singular)
         do level = level_velocity, merge(level_velocity, level_given, n_column < 0)
             state%group%gap(:, level) = size_of_rows(group, gap(:, :, level))
         end do
@@ -300,19 +300,20 @@ contains
     ! ---------------------------------------------------------------- margin
 
     !> Solve for the errors in the first right-hand side, and for the probes, which tell the margin.
-    subroutine solve_with_probe(group, state, margin, is_singular)
+    subroutine solve_with_probe(group, use, state, margin, is_singular)
         type(group_type), intent(in) :: group
+        type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state
         real(wp), intent(out) :: margin(lanes)
         logical, intent(out) :: is_singular(lanes)
-        real(wp), dimension(lanes) :: growth, determinant, square
+        real(wp), dimension(lanes) :: determinant, square
         integer :: i, k, n
 
         n = size(group%unit)
         associate (matrix => state%group%matrix, right => state%group%right)
             right(:, :n, 2:1 + n_probe) = spread(group%probe, 1, lanes)
-            call solve_gauss_jordan(n, 1 + n_probe, matrix(:, :n, :n), right(:, :n, :1 + n_probe), growth, is_singular, &
-                                    determinant)
+            call eliminate_by_pattern(use%kernels%pattern, 1 + n_probe, matrix, right(:, :n, :1 + n_probe), is_singular, &
+                                      determinant)
             square = 0
             do k = 2, 1 + n_probe
                 do i = 1, n
@@ -343,9 +344,9 @@ contains
             call look_ahead_by_record(model, g, step, state, ahead, is_recorded)
             if (associated(state%group%closer)) is_recorded = is_recorded .or. state%group%is_idle
             if (.not. all(is_recorded)) then
-                call assemble_ahead(model, use, step, state, state%group%matrix(:, :n, :n))
+                call assemble_ahead(model, use, step, state, state%group%matrix)
                 state%group%right(:, :n, 1) = 0
-                call solve_with_probe(group, state, ahead_here, is_singular)
+                call solve_with_probe(group, use, state, ahead_here, is_singular)
                 where (.not. is_recorded) ahead = ahead_here
             end if
         end associate

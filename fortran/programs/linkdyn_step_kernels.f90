@@ -27,6 +27,7 @@ module linkdyn_step_kernels
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, pair_of, scene_point_of_origin, scene_rotation
     use linkdyn_model, only: model_type, step_group, is_dyad
     use linkdyn_placing, only: place_links, closes_loop, list_step_constraints
+    use linkdyn_patterned_elimination, only: elimination_pattern, find_pattern
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, output_list, add_output, make_scene_program, &
         free_scene_program, free_program_space
@@ -65,6 +66,7 @@ module linkdyn_step_kernels
     type :: step_kernels
         type(scene_program) :: program(n_kernel)
         type(matrix_form) :: form                      !! of `of_errors`
+        type(elimination_pattern) :: pattern           !! likewise
         integer :: n_slide = 0, n_closing = 0          !! what `of_places` gives after the places
         integer :: n_facing = 0, n_thread = 0          !! what `of_looks` gives after the slides; of a thread the angle that it is off by
         character(len=:), allocatable, private :: key
@@ -609,6 +611,7 @@ contains
         allocate (row(system%n_equation))
         call list_rows(system, row)
         call list_entries(row, 0, .false., kernels%form, out)
+        call find_pattern(kernels%form%n, kernels%form%row, kernels%form%column, kernels%pattern)
         call add_output(out, of_errors, error)
         call make_scene_program(record, in, out, kernels%program(of_errors))
         call make_rest(record, in, row, kernels%program(of_velocities))
