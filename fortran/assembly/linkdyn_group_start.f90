@@ -18,6 +18,7 @@ module linkdyn_group_start
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, side_of, place_size, scene_size
     use linkdyn_motion_measures, only: released_fit
+    use linkdyn_newton_attempts, only: close_attempts, look_at_place
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
     use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
@@ -30,6 +31,15 @@ module linkdyn_group_start
     integer, parameter :: n_attempt = 64
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
 
+    !> What attempts have come to.
+    type :: found_assemblies
+        integer :: n = 0
+        real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
+        real(wp), allocatable :: nearest(:, :)             !! of the nearest
+        real(wp) :: given = huge(1.0_wp)                   !! how far that is: see `start_distance`
+        real(wp) :: others = huge(1.0_wp)
+    end type found_assemblies
+
 contains
 
     !> Leave the group closed on every lane of the state; flagged `not_converged` if no attempt succeeds.
@@ -39,52 +49,102 @@ contains
         type(kinematic_state), intent(inout) :: state      !! the steps before have been run, all lanes alike
         integer, intent(out) :: n_found                    !! assemblies among which there was the choice; 0: not looked for
         real(wp), allocatable, intent(out), optional :: every(:, :, :)    !! all that attempts find: places of the links of each
-        type(start_distance) :: distance
-        real(wp) :: given, others, best(place_size(model), model%n_link), place(place_size(model), model%n_link)
-        real(wp) :: found(place_size(model), model%n_link, n_attempt)
-        logical :: has_closed(lanes)
-        integer :: first, lane
+        type(found_assemblies) :: found
+        real(wp) :: start(place_size(model), model%n_link, n_attempt)
+        logical :: is_known
 
-        associate (group => model%group(step%first))
-            given = huge(1.0_wp)
-            others = huge(1.0_wp)
-            n_found = 0
-            do first = 1, n_attempt, lanes
-                call string_links(model, group, first, state)
-                do lane = 1, lanes
-                    if (first + lane - 1 <= 2) call put_as_given(model, group, lane, first + lane == 2, state)
-                end do
-                call clear_flags(state)
-                call run_step(model, step, state)
-                has_closed = .not. (state%not_converged .or. state%singular) .and. released_fit(model, group%joint, state)
-                distance = measure_distance(model, group%link, group%joint, state, .false.)
-                ! Nothing is nearer than what the scene describes in full.
-                if (.not. present(every) .and. first == 1 .and. all(model%scene%link(group%link)%has_start) .and. has_closed(1) &
-                    .and. distance%given(1) <= exact) then
-                    given = distance%given(1)
-                    best = state%group%place(1, :, :)
-                    exit
-                end if
-                do lane = 1, min(lanes, n_attempt - first + 1)
-                    if (.not. has_closed(lane)) cycle
-                    place = state%group%place(lane, :, :)
-                    if (is_new(model, group, place, found(:, :, :n_found))) then
-                        n_found = n_found + 1
-                        found(:, :, n_found) = place
-                    end if
-                    if (.not. is_nearer(distance, lane, given, others)) cycle
-                    given = distance%given(lane)
-                    others = distance%others(lane)
-                    best = place
-                end do
-            end do
-            if (present(every)) every = found(:, :, :n_found)
-            if (given == huge(1.0_wp)) return
-            state%group%place = spread(best, 1, lanes)
+        call list_attempts(model, model%group(step%first), state, start)
+        ! Nothing is nearer than what the scene describes in full.
+        is_known = .not. present(every) .and. all(model%scene%link(model%group(step%first)%link)%has_start)
+        if (is_known) then
+            call make_attempts(model, step%first, start(:, :, :1), state, found)
+            is_known = found%given <= exact
+        end if
+        if (.not. is_known) call make_attempts(model, step%first, start, state, found)
+        n_found = merge(0, found%n, is_known)
+        if (present(every)) every = found%place(:, :, :found%n)
+        if (found%n > 0) then
+            state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
             call run_step(model, step, state)
-        end associate
+        else
+            state%not_converged = .true.
+        end if
     end subroutine find_group_start
+
+    !> Lead attempts as far as they go, and look at where they come to.
+    subroutine make_attempts(model, g, start, state, found)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g                           !! the group's number
+        real(wp), intent(in) :: start(:, :, :)             !! (place_size, n_link, attempt)
+        type(kinematic_state), intent(inout) :: state
+        type(found_assemblies), intent(out) :: found
+        real(wp) :: place(size(start, 1), size(start, 2), size(start, 3))
+        logical :: has_arrived(size(start, 3))
+        integer :: first, last
+
+        allocate (found%place, mold=start)
+        allocate (found%nearest(size(start, 1), size(start, 2)))
+        place = start
+        call close_attempts(model, g, place, state, has_arrived)
+        do first = 1, size(place, 3), lanes
+            last = min(first + lanes - 1, size(place, 3))
+            if (any(has_arrived(first:last))) &
+                call note_assemblies(model, g, place(:, :, first:last), has_arrived(first:last), state, found)
+        end do
+    end subroutine make_attempts
+
+    !> Where links are at first, attempt by attempt.
+    subroutine list_attempts(model, group, state, place)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: place(:, :, :)            !! (place_size, n_link, attempt)
+        integer :: first, lane
+
+        do first = 1, size(place, 3), lanes
+            call string_links(model, group, first, state)
+            do lane = 1, min(lanes, size(place, 3) - first + 1)
+                if (first + lane - 1 <= 2) call put_as_given(model, group, lane, first + lane == 2, state)
+                place(:, :, first + lane - 1) = state%group%place(lane, :, :)
+            end do
+        end do
+    end subroutine list_attempts
+
+    !> Of attempts that have arrived somewhere, at most as many as there are lanes: assemblies that are new, and the nearest so far.
+    subroutine note_assemblies(model, g, place, has_arrived, state, found)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g                           !! the group's number
+        real(wp), intent(in), contiguous :: place(:, :, :) !! (place_size, n_link, attempt)
+        logical, intent(in) :: has_arrived(:)              !! (attempt)
+        type(kinematic_state), intent(inout) :: state
+        type(found_assemblies), intent(inout) :: found
+        type(start_distance) :: distance
+        logical :: fits(lanes)
+        integer :: lane
+
+        associate (group => model%group(g))
+            do lane = 1, lanes
+                ! lanes to spare repeat the last attempt
+                state%group%place(lane, :, :) = place(:, :, min(lane, size(place, 3)))
+            end do
+            call clear_flags(state)
+            call look_at_place(model, g, state)
+            fits = .not. state%not_converged .and. released_fit(model, group%joint, state)
+            distance = measure_distance(model, group%link, group%joint, state, .false.)
+            do lane = 1, size(place, 3)
+                if (.not. (has_arrived(lane) .and. fits(lane))) cycle
+                if (is_new(model, group, place(:, :, lane), found%place(:, :, :found%n))) then
+                    found%n = found%n + 1
+                    found%place(:, :, found%n) = place(:, :, lane)
+                end if
+                if (.not. is_nearer(distance, lane, found%given, found%others)) cycle
+                found%given = distance%given(lane)
+                found%others = distance%others(lane)
+                found%nearest = place(:, :, lane)
+            end do
+        end associate
+    end subroutine note_assemblies
 
     !> As `find_group_start`, by the places that were found for a model that stands likewise; nothing, if it has none, or these do
     !> not close here.

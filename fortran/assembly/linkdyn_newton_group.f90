@@ -33,6 +33,7 @@ module linkdyn_newton_group
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted, n_shift
+    public :: take_spins_apart, correct, rounding_of, solve_with_probe, most_steps
 
     integer, parameter :: most_steps = 30
 
