@@ -79,7 +79,7 @@ contains
         associate (form => use%kernels%form, pattern => use%kernels%pattern)
             matrix(:, :pattern%n_slot) = 0
             do k = 1, size(form%row)
-                slot = pattern%slot(form%row(k), form%column(k))
+                slot = pattern%slot(form%column(k), form%row(k))
                 if (form%output(k) > 0) then
                     matrix(:, slot) = found(:, form%output(k))
                 else
