@@ -13,4 +13,10 @@ void linkdyn_release_texts(void);
 void linkdyn_hold_records(void);
 void linkdyn_release_records(void);
 
+/* As `linkdyn_hold_texts`, by a thread that can do without the lock wherever, further down, long computing says so: between
+   `lend`, which tells whether it was lent, and `take_back`, which wants to know that. */
+void linkdyn_hold_texts_to_lend(void);
+int linkdyn_lend_texts(void);
+void linkdyn_take_texts_back(int lent);
+
 #endif

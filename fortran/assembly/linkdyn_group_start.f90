@@ -5,6 +5,7 @@
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
 !> (`linkdyn_start_distance`). The outcome depends on the scene alone.
 module linkdyn_group_start
+    use, intrinsic :: iso_c_binding, only: c_int
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
@@ -15,6 +16,7 @@ module linkdyn_group_start
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: lend_texts, take_texts_back
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, side_of, place_size, scene_size
     use linkdyn_motion_measures, only: released_fit
@@ -82,7 +84,9 @@ contains
         real(wp) :: place(size(start, 1), size(start, 2), size(start, 3))
         logical :: has_arrived(size(start, 3))
         integer :: first, last
+        integer(c_int) :: lent
 
+        lent = lend_texts()
         allocate (found%place, mold=start)
         allocate (found%nearest(size(start, 1), size(start, 2)))
         place = start
@@ -92,6 +96,7 @@ contains
             if (any(has_arrived(first:last))) &
                 call note_assemblies(model, g, place(:, :, first:last), has_arrived(first:last), state, found)
         end do
+        call take_texts_back(lent)
     end subroutine make_attempts
 
     !> Where links are at first, attempt by attempt.

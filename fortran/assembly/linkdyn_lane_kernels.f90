@@ -38,6 +38,7 @@ contains
         by_quaternion = .false.
         if (gives_attitude(model, model%step(step))) by_quaternion = state%by_quaternion(model%step(step)%first)
         call borrow_kernels(model, step, by_quaternion, use%kernels, use%space)
+        use%space%has_numbers = .false.                  ! those of the last one's model may be there
     end subroutine begin_use
 
     subroutine end_use(use)
@@ -140,20 +141,22 @@ contains
         integer :: first
 
         call need_kernel(model, use%step, which, use%kernels)
-        associate (program => use%kernels%program(which), space => use%space)
-            call make_room(sum(program%input%n), space%x)
+        associate (program => use%kernels%program(which), space => use%space, number => model%part(use%step)%number)
+            call make_room(sum(program%input%n, mask=program%input%block /= in_number), space%x)
             call make_room(program%program%n_output, found)
             call collect_inputs(model, model%step(use%step), model%part(use%step), program, state, level, ahead, space%x)
             if (is_same_on_all(size(space%x, 2), space%x)) then
                 ! a run on its own has the same on all lanes
                 if (space%one(which)%lanes == 0) call make_space(program%program, .true., space%one(which)%block)
                 space%one(which)%lanes = 1
+                call put_numbers(program, number, space%one(which), space%has_numbers(which, 2))
                 call run_lanes(program, space%one(which), 1, 1, space%x, found)
                 found(2:, :) = spread(found(1, :), 1, lanes - 1)
                 return
             end if
             if (space%many(which)%lanes == 0) call make_space(program%program, .false., space%many(which)%block)
             space%many(which)%lanes = block_lanes()
+            call put_numbers(program, number, space%many(which), space%has_numbers(which, 1))
             do first = 1, lanes, block_lanes()
                 call run_lanes(program, space%many(which), first, min(block_lanes(), lanes - first + 1), space%x, found)
             end do
@@ -172,6 +175,26 @@ contains
         allocate (x(lanes, n))
     end subroutine make_room
 
+    !> The step's numbers, which all lanes share: they stay in their slots.
+    subroutine put_numbers(program, number, space, are_there)
+        type(scene_program), intent(in) :: program
+        real(wp), intent(in) :: number(:)
+        type(program_space), intent(in) :: space
+        logical, intent(inout) :: are_there
+        integer :: i, k
+
+        if (are_there) return
+        are_there = .true.
+        do i = 1, size(program%input)
+            associate (s => program%input(i))
+                if (s%block /= in_number) cycle
+                do k = 0, s%n - 1
+                    call put_lanes(1, number(s%first + k:s%first + k), s%slot + k, space%block)
+                end do
+            end associate
+        end do
+    end subroutine put_numbers
+
     !> Lanes first, ..., first + n - 1.
     subroutine run_lanes(program, space, first, n, x, found)
         type(scene_program), intent(in) :: program
@@ -183,6 +206,7 @@ contains
 
         k = 0
         do i = 1, size(program%input)
+            if (program%input(i)%block == in_number) cycle
             do slot = program%input(i)%slot, program%input(i)%slot + program%input(i)%n - 1
                 k = k + 1
                 call put_lanes(n, x(first:first + n - 1, k), slot, space%block)
@@ -201,7 +225,7 @@ contains
         end do
     end subroutine run_lanes
 
-    !> What a kernel reads, in the order of its inputs.
+    !> What a kernel reads besides the step's numbers, in the order of its inputs.
     subroutine collect_inputs(model, step, part, program, state, level, ahead, x)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -216,11 +240,10 @@ contains
         n = 0
         do i = 1, size(program%input)
             associate (s => program%input(i))
+                if (s%block == in_number) cycle
                 do k = 0, s%n - 1
                     n = n + 1
                     select case (s%block)
-                    case (in_number)
-                        x(:, n) = part%number(s%first + k)
                     case (in_q)
                         x(:, n) = given_position(model, state, part%given(s%first + k), part%joint)
                     case (in_qd)
@@ -282,6 +305,10 @@ contains
         integer :: o
 
         o = orientation_of(model, l)
+        if (.not. (model%is_planar .or. present(ahead))) then
+            call pick_place(state%position(l), state%rotation(o), c, x)
+            return
+        end if
         rate = 0
         if (model%is_planar) then
             associate (r => state%plane%rotation(o), omega => state%plane%angular(:, level_velocity, o))
@@ -310,6 +337,41 @@ contains
         if (c <= merge(2, 3, model%is_planar)) rate = rate_of_link(model, state, l, c, level_velocity)
         x = x + ahead*rate
     end function place_of_link
+
+    !> Component c of a position and a rotation, the latter axis by axis.
+    pure subroutine pick_place(position, r, c, x)
+        type(vec3), intent(in) :: position
+        type(mat3), intent(in) :: r
+        integer, intent(in) :: c
+        real(wp), intent(out) :: x(lanes)
+
+        select case (c)
+        case (1)
+            x = position%x
+        case (2)
+            x = position%y
+        case (3)
+            x = position%z
+        case (4)
+            x = r%x%x
+        case (5)
+            x = r%x%y
+        case (6)
+            x = r%x%z
+        case (7)
+            x = r%y%x
+        case (8)
+            x = r%y%y
+        case (9)
+            x = r%y%z
+        case (10)
+            x = r%z%x
+        case (11)
+            x = r%z%y
+        case (12)
+            x = r%z%z
+        end select
+    end subroutine pick_place
 
     !> Rates of a link's place: of its origin, then its angular velocity; at level k for a unit rate of coordinate k.
     pure function place_rates(model, state, link, level) result(rate)

@@ -8,10 +8,15 @@
 !> meanwhile, waits. Scenes that are read make kernels, for their starts, and records that are made have messages, so both are one
 !> lock: two would be taken in either order. A thread may hold it any number of times; members of a team that it leads must not
 !> need it.
+!>
+!> `hold_texts_to_lend` is for a thread that assembles one of many designs: nobody else knows of that one yet. Where it computes for
+!> long and makes no text it lends the lock to others, and takes it back afterwards; under any other hold nothing is lent.
 module linkdyn_lock
+    use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
     private
     public :: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
+    public :: hold_texts_to_lend, lend_texts, take_texts_back
 
     interface
         subroutine hold_lock() bind(c, name="linkdyn_hold_lock")
@@ -31,5 +36,18 @@ module linkdyn_lock
 
         subroutine release_records() bind(c, name="linkdyn_release_records")
         end subroutine release_records
+
+        subroutine hold_texts_to_lend() bind(c, name="linkdyn_hold_texts_to_lend")
+        end subroutine hold_texts_to_lend
+
+        function lend_texts() bind(c, name="linkdyn_lend_texts") result(lent)
+            import :: c_int
+            integer(c_int) :: lent                          !! to be handed to `take_texts_back`
+        end function lend_texts
+
+        subroutine take_texts_back(lent) bind(c, name="linkdyn_take_texts_back")
+            import :: c_int
+            integer(c_int), value :: lent
+        end subroutine take_texts_back
     end interface
 end module linkdyn_lock

@@ -12,7 +12,8 @@ module linkdyn_alike_models
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axis_at
-    use linkdyn_step_part, only: listed, letters_of, bits_of, curve_text
+    use linkdyn_step_part, only: letters_of, bits_of, curve_text
+    use linkdyn_text, only: listed
     implicit none (type, external)
     private
     public :: describe_alike

@@ -11,10 +11,10 @@ module linkdyn_step_part
         gives_attitude, leads_within, orientation_of
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: listed
     implicit none (type, external)
     private
-    public :: step_part, take_step, describe_steps, listed, letters_of, bits_of, curve_text
+    public :: step_part, take_step, describe_steps, letters_of, bits_of, curve_text
 
     type :: step_part
         type(model_type) :: model                      !! of the part
@@ -315,18 +315,6 @@ contains
             if (varies(k)) letters(k:k) = "x"
         end do
     end function letters_of
-
-    !> Whole numbers in a row, each behind a space.
-    pure function listed(numbers) result(text)
-        integer, intent(in) :: numbers(:)
-        character(len=:), allocatable :: text
-        integer :: i
-
-        text = ""
-        do i = 1, size(numbers)
-            text = text//" "//to_text(numbers(i))
-        end do
-    end function listed
 
     !> Numbers as they are.
     pure function bits_of(numbers) result(bits)

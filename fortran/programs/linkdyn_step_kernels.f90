@@ -59,7 +59,8 @@ module linkdyn_step_kernels
     !> Slots of one thread.
     type :: kernel_space
         type(program_space) :: many(n_kernel), one(n_kernel)     !! for blocks, for single samples
-        real(wp), allocatable :: x(:, :)                         !! what a kernel reads (lane, number)
+        logical :: has_numbers(n_kernel, 2) = .false.            !! those of the step are in the slots (kernel, many or one)
+        real(wp), allocatable :: x(:, :)                         !! what else a kernel reads (lane, number)
         type(kernel_space), pointer, private :: next => null()
     end type kernel_space
 

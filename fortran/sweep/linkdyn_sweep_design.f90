@@ -6,7 +6,7 @@ module linkdyn_sweep_design
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse
     use linkdyn_kinds, only: wp
-    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_lock, only: hold_texts_to_lend, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures
@@ -84,7 +84,7 @@ contains
             design%model = like%model
         else
             ! several threads open designs at once
-            call hold_texts()
+            call hold_texts_to_lend()
             call source%make(axis_values(plan, number*plan%n_pose), scene, design%status)
             if (design%status%is_ok()) call build_model(scene, design%model, design%status, like=source%first)
             call release_texts()
