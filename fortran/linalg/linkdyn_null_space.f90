@@ -17,7 +17,7 @@ contains
         integer :: n, m, rank, k
 
         m = size(a, 2)
-        allocate (rows, source=transpose(a))
+        rows = a
         rank = 0
         n = min(size(a, 1), m)
         call extend_basis(rows, n, tolerance, whole, rank)
@@ -27,7 +27,9 @@ contains
         allocate (rows(m, m), source=0.0_wp)
         do k = 1, m
             rows(k, k) = 1
-            call subtract_span(whole(:, :rank), rows(:, k))
+        end do
+        do k = 1, rank
+            call subtract_from_each(whole(:, k), rows)
         end do
         call extend_basis(rows, m, 0.0_wp, whole, n)
         basis = whole(:, rank + 1:)
@@ -35,32 +37,50 @@ contains
 
     !> Add orthonormal vectors to a basis, the longest of what is left first.
     pure subroutine extend_basis(vector, most, tolerance, basis, n)
-        real(wp), intent(inout) :: vector(:, :)            !! (component, vector); of each is left what the basis does not span
+        real(wp), intent(inout) :: vector(:, :)            !! (vector, component); of each is left what the basis does not span
         integer, intent(in) :: most                        !! vectors of the basis in the end, at most
         real(wp), intent(in) :: tolerance                  !! part of the longest that counts as nothing
-        real(wp), intent(inout) :: basis(:, :)
+        real(wp), intent(inout) :: basis(:, :)             !! (component, vector)
         integer, intent(inout) :: n
-        real(wp) :: longest, length(size(vector, 2))
+        real(wp) :: longest, length(size(vector, 1))
+        logical :: is_changed(size(vector, 1))
         integer :: k, i
 
         longest = 0
+        is_changed = .true.
         do while (n < most)
-            do i = 1, size(vector, 2)
-                length(i) = norm2(vector(:, i))
+            do i = 1, size(vector, 1)
+                if (is_changed(i)) length(i) = norm2(vector(i, :))
             end do
             k = maxloc(length, dim=1)
             longest = max(longest, length(k))
             if (.not. length(k) > tolerance*longest) return
             n = n + 1
-            basis(:, n) = vector(:, k)/length(k)
+            basis(:, n) = vector(k, :)/length(k)
             call subtract_span(basis(:, :n - 1), basis(:, n))
             basis(:, n) = basis(:, n)/norm2(basis(:, n))
-            do i = 1, size(vector, 2)
-                vector(:, i) = vector(:, i) - dot_product(basis(:, n), vector(:, i))*basis(:, n)
-            end do
-            vector(:, k) = 0
+            call subtract_from_each(basis(:, n), vector, is_changed)
+            vector(k, :) = 0
         end do
     end subroutine extend_basis
+
+    !> What is left of vectors beside one of unit length: all of them side by side.
+    pure subroutine subtract_from_each(direction, vector, is_changed)
+        real(wp), intent(in) :: direction(:)
+        real(wp), intent(inout) :: vector(:, :)            !! (vector, component)
+        logical, intent(out), optional :: is_changed(:)    !! (vector)
+        real(wp) :: part(size(vector, 1))
+        integer :: c
+
+        part = 0
+        do c = 1, size(direction)
+            part = part + direction(c)*vector(:, c)
+        end do
+        if (present(is_changed)) is_changed = part /= 0
+        do c = 1, size(direction)
+            if (direction(c) /= 0) vector(:, c) = vector(:, c) - part*direction(c)
+        end do
+    end subroutine subtract_from_each
 
     !> Vectors that span the same, each with a length of one and square to the others.
     pure subroutine orthonormalize(vector)

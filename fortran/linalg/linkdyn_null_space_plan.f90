@@ -68,6 +68,7 @@ contains
         logical, intent(in) :: has(:, :), is_open(:), is_free(:)
         integer, intent(out) :: equation, unknown
         real(wp) :: part, largest_part
+        real(wp) :: scale(size(a, 3))
         integer :: cost, least_cost, in_equation(size(has, 1)), i, j, p
 
         in_equation = count(has .and. spread(is_free, 1, size(has, 1)), dim=2)
@@ -77,11 +78,14 @@ contains
         largest_part = 0
         do j = 1, size(has, 2)
             if (.not. is_free(j)) cycle
+            do p = 1, size(a, 3)
+                scale(p) = min(1.0_wp, 1/max(maxval(abs(a(:, j, p)), mask=is_open), tiny(1.0_wp)))
+            end do
             do i = 1, size(has, 1)
                 if (.not. (is_open(i) .and. has(i, j))) cycle
                 part = huge(1.0_wp)
                 do p = 1, size(a, 3)
-                    part = min(part, abs(a(i, j, p))*min(1.0_wp, 1/max(maxval(abs(a(:, j, p)), mask=is_open), tiny(1.0_wp))))
+                    part = min(part, abs(a(i, j, p))*scale(p))
                 end do
                 cost = (in_equation(i) - 1)*(count(is_open .and. has(:, j)) - 1)
                 if (part < threshold) then

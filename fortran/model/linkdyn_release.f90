@@ -19,6 +19,7 @@
 !> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
 module linkdyn_release
+    use, intrinsic :: iso_c_binding, only: c_int
     use linkdyn_constants, only: golden, pi
     use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, close_near_start, list_rows, joint_frame, &
         move_bodies, any_turned_over, of_force, of_moment
@@ -27,6 +28,7 @@ module linkdyn_release
     use linkdyn_elastic_links, only: list_arm_parts
     use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose
     use linkdyn_kinds, only: wp
+    use linkdyn_lock, only: lend_texts, take_texts_back
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: plan_null_space
@@ -89,18 +91,16 @@ contains
         integer, allocatable :: sure(:)
         logical, allocatable :: is_redundant(:)
         integer :: i
+        integer(c_int) :: lent
 
         is_released = .false.
         if (model%n_link > most_links) return
         call find_redundant_gears(model, is_redundant, status)
         if (.not. status%is_ok()) return
         model%gear%follows = is_redundant
-        call look_at_poses(model, pose)
-        if (size(pose) == 0) return
-        if (size(pose(1)%stress, 2) == 0) return
-        call list_moves(model, pose(1)%loop, move)
-        sure = pack([(i, i=1, size(move))], lets_gear_go(move))
-        call choose_on_way(pose, move, sure, gears_first, best)
+        lent = lend_texts()
+        call search()
+        call take_texts_back(lent)
         if (.not. allocated(best)) return
         do i = 1, size(best)
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
@@ -111,6 +111,16 @@ contains
         is_released = .true.
 
     contains
+
+        !> What can go, if anything is redundant. This takes long and makes no text.
+        subroutine search()
+            call look_at_poses(model, pose)
+            if (size(pose) == 0) return
+            if (size(pose(1)%stress, 2) == 0) return
+            call list_moves(model, pose(1)%loop, move)
+            sure = pack([(i, i=1, size(move))], lets_gear_go(move))
+            call choose_on_way(pose, move, sure, gears_first, best)
+        end subroutine search
 
         !> Is it that of a gear whose sum follows from those of the others?
         elemental logical function lets_gear_go(move)
