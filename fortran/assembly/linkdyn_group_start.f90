@@ -1,7 +1,8 @@
 !> The assembly of a group at the start, found by many attempts side by side on the lanes.
 !>
 !> The first attempt sets out from the starting positions of the links, the second from links strung along the joints with
-!> the joints' starting variables, but those that have a starting position there, the others from variables at random. Each is
+!> the joints' starting variables, but those that have a starting position there and legs between such point to where they end
+!> (`linkdyn_pointed_links`), the others from variables at random. Each is
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
 !> (`linkdyn_start_distance`). The outcome depends on the scene alone.
 module linkdyn_group_start
@@ -21,14 +22,15 @@ module linkdyn_group_start
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, side_of, place_size, scene_size
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_newton_attempts, only: close_attempts, look_at_place
+    use linkdyn_pointed_links, only: point_links
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
-    use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
+    use linkdyn_scene, only: joint_n_variable, joint_universal, joint_spherical, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
     use linkdyn_vec2, only: vec2, rot2, rot2_by_angle, rot2_of_directions, operator(+), operator(-), operator(*), operator(.rotate.)
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: find_group_start, take_group_start, is_same
+    public :: find_group_start, find_every_start, take_group_start, is_alike
 
     integer, parameter :: n_attempt = 64
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
@@ -36,6 +38,7 @@ module linkdyn_group_start
     !> What attempts have come to.
     type :: found_assemblies
         integer :: n = 0
+        logical :: apart_by_lines = .false.                !! only those are listed whose joints lie on other lines
         real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
         real(wp), allocatable :: nearest(:, :)             !! of the nearest
         real(wp) :: given = huge(1.0_wp)                   !! how far that is: see `start_distance`
@@ -45,26 +48,27 @@ module linkdyn_group_start
 contains
 
     !> Leave the group closed on every lane of the state; flagged `not_converged` if no attempt succeeds.
-    subroutine find_group_start(model, step, state, n_found, every)
+    subroutine find_group_start(model, step, state, n_found)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state      !! the steps before have been run, all lanes alike
         integer, intent(out) :: n_found                    !! assemblies among which there was the choice; 0: not looked for
-        real(wp), allocatable, intent(out), optional :: every(:, :, :)    !! all that attempts find: places of the links of each
         type(found_assemblies) :: found
         real(wp) :: start(place_size(model), model%n_link, n_attempt)
         logical :: is_known
 
-        call list_attempts(model, model%group(step%first), state, start)
+        call list_attempts(model, model%group(step%first), 1, state, start)
         ! Nothing is nearer than what the scene describes in full.
-        is_known = .not. present(every) .and. all(model%scene%link(model%group(step%first)%link)%has_start)
+        is_known = all(model%scene%link(model%group(step%first)%link)%has_start)
         if (is_known) then
             call make_attempts(model, step%first, start(:, :, :1), state, found)
             is_known = found%given <= exact
         end if
-        if (.not. is_known) call make_attempts(model, step%first, start, state, found)
+        if (.not. is_known) then
+            found = found_assemblies()
+            call make_attempts(model, step%first, start, state, found)
+        end if
         n_found = merge(0, found%n, is_known)
-        if (present(every)) every = found%place(:, :, :found%n)
         if (found%n > 0) then
             state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
@@ -74,21 +78,49 @@ contains
         end if
     end subroutine find_group_start
 
+    !> All assemblies of a group: attempts go on until those that found none number several times those before. Assemblies that differ
+    !> by links turned about their own lines alone, as legs are between a universal joint and a ball, count as one.
+    subroutine find_every_start(model, step, state, place, is_exhausted)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state      !! the steps before have been run, all lanes alike
+        real(wp), allocatable, intent(out) :: place(:, :, :)    !! of the links of each (place_size, n_link, assembly)
+        logical, intent(out) :: is_exhausted               !! nothing new has come for long
+        integer, parameter :: patience = 8, most_rounds = 256
+        type(found_assemblies) :: found
+        real(wp) :: start(place_size(model), model%n_link, n_attempt)
+        integer :: round, last_new, n_before
+
+        found%apart_by_lines = .true.
+        last_new = 1
+        do round = 1, most_rounds
+            n_before = found%n
+            call list_attempts(model, model%group(step%first), 1 + (round - 1)*n_attempt, state, start)
+            call make_attempts(model, step%first, start, state, found)
+            if (found%n > n_before) last_new = round
+            is_exhausted = round >= patience*last_new
+            if (is_exhausted) exit
+        end do
+        place = found%place(:, :, :found%n)
+    end subroutine find_every_start
+
     !> Lead attempts as far as they go, and look at where they come to.
     subroutine make_attempts(model, g, start, state, found)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g                           !! the group's number
         real(wp), intent(in) :: start(:, :, :)             !! (place_size, n_link, attempt)
         type(kinematic_state), intent(inout) :: state
-        type(found_assemblies), intent(out) :: found
+        type(found_assemblies), intent(inout) :: found     !! and what others have come to
         real(wp) :: place(size(start, 1), size(start, 2), size(start, 3))
         logical :: has_arrived(size(start, 3))
         integer :: first, last
         integer(c_int) :: lent
 
         lent = lend_texts()
-        allocate (found%place, mold=start)
-        allocate (found%nearest(size(start, 1), size(start, 2)))
+        if (found%n == 0) then
+            found%place = start(:, :, :0)
+            found%nearest = start(:, :, 1)
+        end if
         place = start
         call close_attempts(model, g, place, state, has_arrived)
         do first = 1, size(place, 3), lanes
@@ -100,17 +132,21 @@ contains
     end subroutine make_attempts
 
     !> Where links are at first, attempt by attempt.
-    subroutine list_attempts(model, group, state, place)
+    subroutine list_attempts(model, group, first_attempt, state, place)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
+        integer, intent(in) :: first_attempt
         type(kinematic_state), intent(inout) :: state
         real(wp), intent(out) :: place(:, :, :)            !! (place_size, n_link, attempt)
         integer :: first, lane
 
         do first = 1, size(place, 3), lanes
-            call string_links(model, group, first, state)
+            call string_links(model, group, first_attempt + first - 1, state)
             do lane = 1, min(lanes, size(place, 3) - first + 1)
-                if (first + lane - 1 <= 2) call put_as_given(model, group, lane, first + lane == 2, state)
+                associate (attempt => first_attempt + first + lane - 2)
+                    if (attempt <= 2) call put_as_given(model, group, lane, attempt == 1, state)
+                    if (attempt == 2 .and. .not. model%is_planar) call point_links(model, group, lane, state)
+                end associate
                 place(:, :, first + lane - 1) = state%group%place(lane, :, :)
             end do
         end do
@@ -139,16 +175,28 @@ contains
             distance = measure_distance(model, group%link, group%joint, state, .false.)
             do lane = 1, size(place, 3)
                 if (.not. (has_arrived(lane) .and. fits(lane))) cycle
-                if (is_new(model, group, place(:, :, lane), found%place(:, :, :found%n))) then
-                    found%n = found%n + 1
-                    found%place(:, :, found%n) = place(:, :, lane)
-                end if
+                if (is_new(model, group, place(:, :, lane), found)) call add(place(:, :, lane))
                 if (.not. is_nearer(distance, lane, found%given, found%others)) cycle
                 found%given = distance%given(lane)
                 found%others = distance%others(lane)
                 found%nearest = place(:, :, lane)
             end do
         end associate
+
+    contains
+
+        subroutine add(new)
+            real(wp), intent(in) :: new(:, :)
+            real(wp), allocatable :: more(:, :, :)
+
+            if (found%n == size(found%place, 3)) then
+                allocate (more(size(new, 1), size(new, 2), 2*found%n + 4))
+                more(:, :, :found%n) = found%place
+                call move_alloc(more, found%place)
+            end if
+            found%n = found%n + 1
+            found%place(:, :, found%n) = new
+        end subroutine add
     end subroutine note_assemblies
 
     !> As `find_group_start`, by the places that were found for a model that stands likewise; nothing, if it has none, or these do
@@ -189,14 +237,47 @@ contains
     pure logical function is_new(model, group, place, found)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
-        real(wp), intent(in) :: place(:, :), found(:, :, :)    !! (place_size, n_link), (.., .., assemblies)
+        real(wp), intent(in) :: place(:, :)            !! (place_size, n_link)
+        type(found_assemblies), intent(in) :: found
         integer :: i
 
         is_new = .true.
-        do i = 1, size(found, 3)
-            is_new = is_new .and. .not. is_same(model, group, place, found(:, :, i))
+        do i = 1, found%n
+            if (found%apart_by_lines) then
+                is_new = .not. is_alike(model, group, place, found%place(:, :, i))
+            else
+                is_new = .not. is_same(model, group, place, found%place(:, :, i))
+            end if
+            if (.not. is_new) return
         end do
     end function is_new
+
+    !> Do all joints lie on the same lines, whichever way round, and at the same points? So do those of the same assembly, and of one
+    !> whose legs are turned about themselves.
+    pure logical function is_alike(model, group, a, b)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in), contiguous :: a(:, :), b(:, :)    !! (place_size, n_link)
+        real(wp), parameter :: fit = 1.0e-6_wp
+        integer :: i, k, l
+
+        is_alike = is_same(model, group, a, b)
+        if (is_alike .or. model%is_planar) return
+        is_alike = .true.
+        do i = 1, size(group%link)
+            l = group%link(i)
+            do k = model%first_at(l), model%first_at(l + 1) - 1
+                associate (joint => model%joint(model%joint_at(k)), side => side_of(model%joint(model%joint_at(k)), l))
+                    is_alike = is_alike .and. all(abs(a(:3, l) + turned(a(4:, l), joint%point(:, side)) &
+                                                      - b(:3, l) - turned(b(4:, l), joint%point(:, side))) <= fit*scene_size(model))
+                    if (any(joint%told_kind == [joint_universal, joint_spherical])) cycle
+                    is_alike = is_alike .and. all(abs(cross(turned(a(4:, l), joint%frame(:, 3, side)), &
+                                                            turned(b(4:, l), joint%frame(:, 3, side)))) <= fit)
+                end associate
+            end do
+            if (.not. is_alike) return
+        end do
+    end function is_alike
 
     !> Do two attempts leave the group's links in the same places? (Contiguous, since gfortran 12 hands on parts of a strided array that has
     !> another name as if it were.)
@@ -231,15 +312,15 @@ contains
 
             are_near = all(abs(p - r) <= fit*scene_size(model))
         end function are_near
-
-        !> A vector turned by a unit quaternion.
-        pure function turned(q, x) result(y)
-            real(wp), intent(in) :: q(4), x(3)
-            real(wp) :: y(3)
-
-            y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
-        end function turned
     end function is_same
+
+    !> A vector turned by a unit quaternion.
+    pure function turned(q, x) result(y)
+        real(wp), intent(in) :: q(4), x(3)
+        real(wp) :: y(3)
+
+        y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
+    end function turned
 
     !> Links at their starting positions; those without one stay, or are where their markers are written.
     subroutine put_as_given(model, group, lane, as_written, state)

@@ -3,13 +3,13 @@
 !> Steps of the plan are gone through in their order. Where one closes in several ways, by a branch or as one of the assemblies of
 !> a group that many attempts find, each is taken, and the steps behind are gone through for each.
 module linkdyn_assemblies
-    use linkdyn_group_start, only: find_group_start, is_same_place => is_same
+    use linkdyn_group_start, only: find_every_start, is_alike
     use linkdyn_joint_rates, only: measure_joints
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_group
+    use linkdyn_model, only: model_type, group_type, step_group
     use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable, is_pose_part
     implicit none (type, external)
     private
@@ -70,10 +70,23 @@ contains
                         end do
                     end associate
                 end do
-                if (size(list%telling) == n) list%placed = [list%placed, pack(group%link, model%link(group%link)%spin == 0)]
+                if (size(list%telling) == n) list%placed = [list%placed, telling_links(model, group)]
             end associate
         end do
     end subroutine list_starts
+
+    !> Links of a group whose places choose: the platforms, if it has legs about them.
+    pure function telling_links(model, group) result(link)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, allocatable :: link(:)
+        integer, parameter :: of_a_leg = 2             !! joints
+        integer :: i
+
+        link = pack(group%link, [(model%first_at(group%link(i) + 1) - model%first_at(group%link(i)) > of_a_leg, &
+                                  i=1, size(group%link))])
+        if (size(link) == 0) link = pack(group%link, model%link(group%link)%spin == 0)
+    end function telling_links
 
     !> Steps from the i-th on; first the way of the start, which is so the first in the list.
     recursive subroutine go_on(model, i, as_start, branch, state, list)
@@ -127,10 +140,12 @@ contains
         type(assembly_list), intent(inout) :: list
         type(kinematic_state) :: here
         real(wp), allocatable :: place(:, :, :), start(:, :)
-        integer :: n, k, l
+        logical :: is_exhausted
+        integer :: k, l
 
         here = state
-        call find_group_start(model, model%step(i), here, n, place)
+        call find_every_start(model, model%step(i), here, place, is_exhausted)
+        list%is_complete = list%is_complete .and. is_exhausted
         associate (group => model%group(model%step(i)%first))
             if (as_start) then
                 start = place(:, :, 1)
@@ -139,9 +154,9 @@ contains
                 end do
                 call close_there(start, .true.)
             end if
-            do k = 1, n
+            do k = 1, size(place, 3)
                 if (as_start) then
-                    if (is_same_place(model, group, place(:, :, k), start)) cycle
+                    if (is_alike(model, group, place(:, :, k), start)) cycle
                 end if
                 call close_there(place(:, :, k), .false.)
             end do

@@ -91,7 +91,7 @@ class Assemblies(list[Assembly]):
     """All that were found, that of the scene first."""
 
     is_complete: bool = True
-    """There are no more than are listed; if false, only the first are."""
+    """No more were found than are listed, and attempts had long found nothing new."""
 
 
 def assemblies_of(found: dict[str, Any]) -> Assemblies:

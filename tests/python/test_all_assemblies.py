@@ -130,3 +130,39 @@ def test_sheet() -> None:
     scene = linkdyn.Scene(RSSR)
     figure, axes = linkdyn.plot.assemblies(scene)
     assert len(axes) == len(scene.assemblies()) == 2 and figure.axes[0].get_title() == "1"
+
+
+# ---------------------------------------------------------------- forty postures
+
+FEET = np.array([[0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0], [0.735077, -0.223935, 0.525991], [0.514188, -0.526063, -0.368418],
+                 [0.590473, 0.094733, -0.205018]])
+HEADS = np.array([[0, 0, 0], [0.542805, 0, 0], [0.956919, -0.528915, 0], [0.665885, -0.353482, 1.402538], [0.478359, 1.158742, 0.107672],
+                  [-0.137087, -0.235121, 0.353913]])
+LENGTHS = np.array([1.0, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071])
+
+
+def dietmaier() -> dict[str, Any]:
+    """A platform led by the lengths of its legs that has as many postures as there can be (Dietmaier 1998)."""
+    return {
+        "space": "spatial", "gravity": [0, 0, 0], "frame": {"markers": {f"A{i + 1}": list(at) for i, at in enumerate(FEET)}},
+        "link": [{"name": "platform", "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0], "markers": {f"B{i + 1}": list(at) for i, at in enumerate(HEADS)}}],
+        "chain": [{"type": "UPS", "axis": [0.3, 0.2, 0.93], "lower": {"mass": 0}, "upper": {"mass": 0},
+                   "base": [f"frame.A{i + 1}" for i in range(6)], "platform": [f"platform.B{i + 1}" for i in range(6)]}],
+        "coordinate": [{"joint": f"leg{i + 1}.P", "start": float(length)} for i, length in enumerate(LENGTHS)]}
+
+
+def test_forty_postures_of_a_platform() -> None:
+    """All are found, no leg turned about itself makes another, and the platform's start chooses each."""
+    content = dietmaier()
+    found = linkdyn.Scene(content).assemblies()
+    assert len(found) == 40
+    for one in found:
+        assert list(one.place) == ["platform"] and not one.branch and not one.start
+        heads = one.position[0] + HEADS @ one.rotation[0].T
+        np.testing.assert_allclose(np.linalg.norm(heads - FEET, axis=1), LENGTHS, rtol=1e-12)
+    for i, a in enumerate(found):
+        assert all(np.abs(a.position[0] - b.position[0]).max() + np.abs(a.rotation[0] - b.rotation[0]).max() > 1e-3 for b in found[:i])
+    for one in found[::6]:
+        again = linkdyn.Scene(one.apply(content)).poses(in_order=True)
+        np.testing.assert_allclose(again.position[0, 0], one.position[0], atol=1e-9)
+        np.testing.assert_allclose(again.rotation[0, 0], one.rotation[0], atol=1e-9)

@@ -10,8 +10,8 @@ from .common import Parser, draw_into_files, refuse, say
 __all__ = ["assemblies_command", "parser"]
 
 DESCRIPTION = """\
-List the assemblies in which a scene closes at its start, those of larger loops as 64 attempts find them, and the words that choose each in
-the scene. The first is that which the scene has."""
+List the assemblies in which a scene closes at its start, and the words that choose each in the scene. Those of larger loops are what attempts
+find that go on until nothing new comes; legs turned about themselves make no others. The first is that which the scene has."""
 
 
 def parser() -> Parser:
@@ -40,8 +40,8 @@ def assemblies_command(arguments: Sequence[str]) -> int:
     say(scene.title or options.scene)
     for one in found:
         say(f"{one.number:4}  {one.words or 'the only one: nothing is to be chosen'}")
-    if not found.is_complete:
-        say("      and more: the list ends here")
+    if not found.is_complete:    # more than are listed, or attempts still found some when they had to end
+        say("      and maybe more: the list ends here")
     if options.picture is None:
         return 0
     draw_into_files()
