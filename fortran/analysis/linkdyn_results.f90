@@ -16,7 +16,7 @@ module linkdyn_results
         result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle, &
         result_strand_force, &
         result_controller_target, result_controller_error, result_controller_output, result_controller_limited, &
-        result_clutch_force, result_clutch_slip, result_clutch_state
+        result_clutch_force, result_clutch_slip, result_clutch_state, result_cylinder_pressure, result_cylinder_flow
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -24,7 +24,7 @@ module linkdyn_results
     use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque, transmission_friction
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
-        side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch
+        side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch, n_chamber, side_opening
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
@@ -34,7 +34,7 @@ module linkdyn_results
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
-        dim_cam, dim_controller, dim_strand, dim_clutch, n_dimension
+        dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -47,7 +47,7 @@ module linkdyn_results
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
-    public :: result_clutch_force, result_clutch_slip, result_clutch_state
+    public :: result_clutch_force, result_clutch_slip, result_clutch_state, result_cylinder_pressure, result_cylinder_flow
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -67,7 +67,9 @@ module linkdyn_results
     integer, parameter :: dim_controller = 10
     integer, parameter :: dim_strand = 11
     integer, parameter :: dim_clutch = 12
-    integer, parameter :: n_dimension = 12
+    integer, parameter :: dim_cylinder = 13
+    integer, parameter :: dim_chamber = 14
+    integer, parameter :: n_dimension = 14
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -78,9 +80,9 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=20), parameter :: wanted_name(12) = [character(len=20) :: &
+    character(len=20), parameter :: wanted_name(13) = [character(len=20) :: &
         "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "controller", "clutch", &
-        "rcond", "singularity_distance", "all"]
+        "cylinder", "rcond", "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -93,6 +95,7 @@ module linkdyn_results
         logical :: motor = .true.            !! torque, speed and power of motors, if the scene has some
         logical :: controller = .true.       !! target, error and output of controllers, of a forward run of a scene that has some
         logical :: clutch = .true.           !! force, slip and state of clutches, of a forward run of a scene that has some
+        logical :: cylinder = .true.         !! pressures and flows of cylinders, of a forward run of a scene whose valves have laws
         logical :: growth = .false.          !! gauss-jordan, of its pivots
         logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
@@ -214,7 +217,7 @@ contains
         integer :: first
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             call take_word(text, first, word)
@@ -237,6 +240,8 @@ contains
                 wanted%controller = .true.
             case ("clutch")
                 wanted%clutch = .true.
+            case ("cylinder")
+                wanted%cylinder = .true.
             case ("rcond")
                 wanted%rcond = .true.
             case ("singularity_distance")
@@ -286,6 +291,9 @@ contains
                 if (n_controller(scene) == 0) call refuse("the scene has no controller")
             case ("clutch")
                 if (n_clutch(scene) == 0) call refuse("the scene has no clutch")
+            case ("cylinder")
+                if (.not. any(scene%actuator%drive%side == side_opening)) &
+                    call refuse("no valve of a cylinder has a law or a controller")
             end select
         end do
 
@@ -313,7 +321,7 @@ contains
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
             "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller", &
-            "strand", "clutch"]
+            "strand", "clutch", "cylinder", "chamber"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
@@ -338,6 +346,7 @@ contains
         end if
         call describe_controllers(scene, is_run .and. wanted%controller, layout)
         call describe_clutches(scene, is_run .and. wanted%clutch, layout)
+        call describe_cylinders(scene, is_run .and. wanted%cylinder, layout)
         if (is_run) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
     end subroutine describe_results
 
@@ -592,6 +601,25 @@ contains
                 flag=[character(len=label_len) :: "open", "slips", "holds"])
         end associate
     end subroutine describe_clutches
+
+    !> What scenes with cylinders have whose valves have laws.
+    subroutine describe_cylinders(scene, is_told, layout)
+        type(scene_type), intent(in) :: scene
+        logical, intent(in) :: is_told               !! what they do
+        type(layout_type), intent(inout) :: layout
+
+        associate (of => layout%dimension(dim_cylinder), chamber => layout%dimension(dim_chamber))
+            of%label = pack(layout%dimension(dim_actuator)%label, scene%actuator%drive%side == side_opening)
+            of%size = size(of%label)
+            chamber%size = n_chamber
+            chamber%label = [character(len=label_len) :: "head", "rod"]
+            if (of%size == 0 .or. .not. is_told) return
+            call add(layout, result_cylinder_pressure, "cylinder_pressure", &
+                "pressure in the chamber, above the atmosphere's", "Pa", of=[dim_cylinder, dim_chamber])
+            call add(layout, result_cylinder_flow, "cylinder_flow", "flow through the valve into the chamber", "m3/s", &
+                of=[dim_cylinder, dim_chamber])
+        end associate
+    end subroutine describe_cylinders
 
     !> What scenes with friction have.
     subroutine describe_friction(layout)

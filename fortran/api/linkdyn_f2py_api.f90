@@ -41,6 +41,7 @@ module linkdyn_f2py_api
     use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free, &
         result_assembly
     use linkdyn_roads, only: road_counts
+    use linkdyn_scene, only: n_chamber
     use linkdyn_scene_reader, only: check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
@@ -59,7 +60,7 @@ module linkdyn_f2py_api
     public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
-    public :: api_keep_simulator, api_put_simulator_back, api_close_state
+    public :: api_simulator_pressures, api_keep_simulator, api_put_simulator_back, api_close_state
     public :: api_sweep_open, api_sweep_advance, api_sweep_kept, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
@@ -788,13 +789,15 @@ contains
         call report(status, code, message)
     end subroutine api_simulator
 
-    !> Put the mechanism somewhere else.
-    subroutine api_set_simulator(simulator_handle, t, n_q, q, n_qd, qd, code, message)
+    !> Put the mechanism somewhere else; without pressures, with those by which a run would begin.
+    subroutine api_set_simulator(simulator_handle, t, n_q, q, n_qd, qd, has_pressure, n_pressure, pressure, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: simulator_handle
-        integer(c_int), intent(in) :: n_q, n_qd
+        integer(c_int), intent(in) :: n_q, n_qd, n_pressure
+        integer(c_int), intent(in) :: has_pressure         ! 0: none is given
         real(c_double), intent(in) :: t                    ! [s]
         real(c_double), intent(in) :: q(n_q), qd(n_qd)
+        real(c_double), intent(in) :: pressure(n_pressure) ! in head and rod chamber of each cylinder [Pa]
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_simulator), pointer :: here
@@ -803,7 +806,13 @@ contains
         call take_simulator(simulator_handle, here, status)
         if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
-        if (status%code == 0) call set_simulator(here, t, q, qd, status)
+        if (status%code == 0 .and. has_pressure /= 0) &
+            call check_size("pressure", int(n_pressure, int64), here%is%n_cylinder(), n_chamber, status)
+        if (status%code == 0 .and. has_pressure /= 0) then
+            call set_simulator(here, t, q, qd, status, reshape(pressure, [n_chamber, here%is%n_cylinder()]))
+        else if (status%code == 0) then
+            call set_simulator(here, t, q, qd, status)
+        end if
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
     end subroutine api_set_simulator
@@ -845,6 +854,28 @@ contains
             if (.not. is_ahead) is_ahead = t_end > here%is%integrator%t
         end function is_ahead
     end subroutine api_step_simulator
+
+    !> Pressures in head and rod chamber of each cylinder of a simulator.
+    subroutine api_simulator_pressures(simulator_handle, n_pressure, pressure, code, message)
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        integer(c_int), intent(in) :: n_pressure
+        real(c_double), intent(inout) :: pressure(n_pressure)      ! [Pa]
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(status_type) :: status
+        real(c_double), allocatable :: found(:, :)
+
+        call take_simulator(simulator_handle, here, status)
+        if (status%code == 0) call check_size("pressure", int(n_pressure, int64), here%is%n_cylinder(), n_chamber, status)
+        if (status%code == 0) then
+            allocate (found(n_chamber, here%is%n_cylinder()))
+            call here%is%read_pressures(found, status)
+            if (status%code == 0) pressure(:size(found)) = reshape(found, [size(found)])
+        end if
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_simulator_pressures
 
     !> Keep the state of a simulator. It must be closed by api_close_state.
     subroutine api_keep_simulator(simulator_handle, state_handle, code, message)

@@ -3,7 +3,7 @@ module linkdyn_name_lists
     use linkdyn_inverse_call, only: n_room, room_id, room_name, room_width
     use linkdyn_open_scene, only: open_scene
     use linkdyn_results, only: layout_type, label_len, samples_width, dim_actuator, dim_joint, dim_component, dim_coordinate, &
-        dim_variable, dim_dyad, dim_motor, dim_cam, dim_controller, dim_strand, dim_clutch, &
+        dim_variable, dim_dyad, dim_motor, dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, &
         result_status
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
@@ -12,8 +12,9 @@ module linkdyn_name_lists
     private
     public :: name_list, list_names, find_result, find_room, result_width
 
-    character(len=10), parameter :: list_name(15) = [character(len=10) :: "link", "joint", "coordinate", "actuator", "load", &
-        "variable", "component", "dyad", "motor", "cam", "controller", "strand", "clutch", "result", "run_result"]
+    character(len=10), parameter :: list_name(17) = [character(len=10) :: "link", "joint", "coordinate", "actuator", "load", &
+        "variable", "component", "dyad", "motor", "cam", "controller", "strand", "clutch", "cylinder", "chamber", &
+        "result", "run_result"]
 
     type :: name_list
         character(len=2*label_len), allocatable :: name(:)
@@ -56,6 +57,10 @@ contains
             call take_dimension(dim_strand)
         case ("clutch")
             call take_dimension(dim_clutch)
+        case ("cylinder")
+            call take_dimension(dim_cylinder)
+        case ("chamber")
+            call take_dimension(dim_chamber)
         case ("result")
             list%name = pack(room_name, has_room(scene))
         case ("run_result")

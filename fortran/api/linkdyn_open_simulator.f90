@@ -52,14 +52,15 @@ contains
     end subroutine start_simulator
 
     !> Put the mechanism somewhere else.
-    subroutine set_simulator(simulator, t, q, qd, status)
+    subroutine set_simulator(simulator, t, q, qd, status, pressure)
         type(open_simulator), intent(inout) :: simulator
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: q(:), qd(:)            !! (n_q)
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: pressure(:, :)   !! (chamber, cylinder) [Pa]; absent: as a run would begin
 
         call hold_texts()
-        call simulator%is%set(t, q, qd, status)
+        call simulator%is%set(t, q, qd, status, pressure)
         call release_texts()
     end subroutine set_simulator
 

@@ -12,7 +12,7 @@ module linkdyn_similar_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        law_harmonic, motor_spec, n_clutch, side_torque, side_voltage
+        law_harmonic, motor_spec, cylinder_spec, n_clutch, side_torque, side_voltage, side_opening
     use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
     private
@@ -125,6 +125,7 @@ contains
             call scale_drive(law_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%drive)
             call scale_motor(drive_scale(model, i, scale) == scale, scale, similar%scene%actuator(i)%motor)
+            if (model%scene%actuator(i)%cylinder%is_given) call scale_cylinder(scale, similar%scene%actuator(i)%cylinder)
             similar%scene%actuator(i)%preload = drive_scale(model, i, scale)*model%scene%actuator(i)%preload
         end do
         do i = 1, size(model%motor)
@@ -215,7 +216,7 @@ contains
         end associate
     end function drive_scale
 
-    !> What the law of an actuator gives is multiplied by: a driving force, the torque of a motor, or a voltage.
+    !> What the law of an actuator gives is multiplied by: a driving force, the torque of a motor, a voltage, or an opening.
     pure real(wp) function law_scale(model, i, scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
@@ -226,6 +227,8 @@ contains
             law_scale = scale**2
         case (side_voltage)
             law_scale = scale
+        case (side_opening)
+            law_scale = 1
         case default
             law_scale = drive_scale(model, i, scale)
         end select
@@ -245,6 +248,18 @@ contains
         if (allocated(motor%torque_curve%knot)) motor%torque_curve%knot = scale**2*motor%torque_curve%knot
         motor%brake%torque = scale**2*motor%brake%torque
     end subroutine scale_motor
+
+    !> Pressures stay: areas grow as forces do, volumes as areas and ways.
+    pure subroutine scale_cylinder(scale, cylinder)
+        real(wp), intent(in) :: scale                !! of lengths
+        type(cylinder_spec), intent(inout) :: cylinder
+
+        cylinder%stroke = scale*cylinder%stroke
+        cylinder%area = scale*cylinder%area
+        cylinder%dead_volume = scale**2*cylinder%dead_volume
+        cylinder%flow = scale**2*cylinder%flow
+        cylinder%leakage = scale**2*cylinder%leakage
+    end subroutine scale_cylinder
 
     !> Does a spring turn a joint, so that its stiffness is a moment per angle?
     pure logical function is_angular(model, joint, variable)

@@ -7,7 +7,7 @@ module linkdyn_description
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, name_len, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
         load_spec, marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
-        n_event, n_stop, n_controller, n_clutch, &
+        n_event, n_stop, n_controller, n_clutch, side_opening, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
@@ -28,6 +28,7 @@ contains
         type(scene_type), intent(in) :: scene
         type(model_type), intent(in) :: model
         character(len=:), allocatable :: text
+        logical :: is_first
         integer :: i
 
         text = "{"//pair("title", string(scene%title))//","//pair("file", string(scene%file))//","// &
@@ -67,6 +68,14 @@ contains
         text = text//'],"motors":['
         do i = 1, size(model%motor)
             text = text//separator(i)//motor_object(scene%actuator(model%motor(i)%actuator))
+        end do
+        text = text//'],"cylinders":['
+        is_first = .true.
+        do i = 1, size(scene%actuator)
+            if (.not. scene%actuator(i)%cylinder%is_given) cycle
+            if (.not. is_first) text = text//","
+            is_first = .false.
+            text = text//cylinder_object(scene%actuator(i))
         end do
         text = text//'],"loads":['
         do i = 1, size(scene%load)
@@ -361,6 +370,19 @@ contains
                    //pair("inductance", number(motor%inductance))//"}"
         end associate
     end function motor_object
+
+    function cylinder_object(actuator) result(text)
+        type(actuator_spec), intent(in) :: actuator
+        character(len=:), allocatable :: text
+
+        associate (cylinder => actuator%cylinder)
+            text = "{"//pair("name", string(actuator%name))//","//pair("head_area", number(cylinder%area(1)))//"," &
+                   //pair("rod_area", number(cylinder%area(2)))//","//pair("retracted", number(cylinder%stroke(1)))//"," &
+                   //pair("extended", number(cylinder%stroke(2)))//","//pair("supply", number(cylinder%supply))//"," &
+                   //pair("tank", number(cylinder%tank))//"," &
+                   //pair("has_states", logical_value(actuator%drive%side == side_opening))//"}"
+        end associate
+    end function cylinder_object
 
     function named(name, unit) result(text)
         character(len=*), intent(in) :: name, unit

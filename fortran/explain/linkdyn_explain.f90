@@ -23,8 +23,8 @@ module linkdyn_explain
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
-        payload_changes, motor_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, feed_none, feed_gravity, &
-        feed_inverse, law_none
+        payload_changes, motor_spec, actuator_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, &
+        side_opening, feed_none, feed_gravity, feed_inverse, law_none
     use linkdyn_reach, only: find_reach
     use linkdyn_representatives, only: representative_poses, make_closer
     use linkdyn_status, only: status_type
@@ -227,7 +227,8 @@ contains
             associate (spec => model%scene%actuator(j))
                 write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator    ", &
                     trim(merge("force ", "torque", spec%unit == "N"))//" on its "// &
-                    trim(variable_name(spec%variable, model%joint(spec%joint)%kind))//motor_in_words(spec%motor)
+                    trim(variable_name(spec%variable, model%joint(spec%joint)%kind))//motor_in_words(spec%motor) &
+                    //cylinder_in_words(spec)
             end associate
         end do
         write (unit, "(2x,a)") to_text(n)//" unknowns in "//to_text(model%n_row)//" equations of motion"
@@ -268,6 +269,18 @@ contains
         if (is_self_locking(motor)) text = text//", self-locking: the load cannot drive it"
         if (motor%brake%is_given) text = text//", with a brake"
     end function motor_in_words
+
+    !> A cylinder, and whether its pressures are states.
+    function cylinder_in_words(actuator) result(text)
+        type(actuator_spec), intent(in) :: actuator
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (.not. actuator%cylinder%is_given) return
+        text = ", cylinder of "//to_text(1.0e6_wp*actuator%cylinder%area(1))//" and " &
+               //to_text(1.0e6_wp*actuator%cylinder%area(2))//" mm2"
+        if (actuator%drive%side == side_opening) text = text//", whose pressures are states of forward runs"
+    end function cylinder_in_words
 
     pure function counted(n, what) result(text)
         integer, intent(in) :: n
@@ -515,6 +528,7 @@ contains
         text = ", its motor"
         if (spec%side == side_joint) text = ""
         if (spec%side == side_voltage) text = text//"'s terminals"
+        if (spec%side == side_opening) text = ", its valve"
     end function side_in_words
 
     pure function sampling_in_words(spec) result(text)

@@ -15,7 +15,7 @@ module linkdyn_units
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit, two_units
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
-    public :: pressure, area, second_moment
+    public :: pressure, area, second_moment, fluid_pressure, volume, volume_flow, flow_per_pressure, valve_opening
     public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, inductance, current
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
@@ -75,6 +75,16 @@ module linkdyn_units
         quantity_type("an area", "4 cm^2", "m2", [0, 2, 0, 0, 0])
     type(quantity_type), parameter :: second_moment = &
         quantity_type("a second moment of area", "6 cm^4", "m4", [0, 4, 0, 0, 0])
+    type(quantity_type), parameter :: fluid_pressure = &
+        quantity_type("a pressure", "160 bar", "Pa", [1, -1, -2, 0, 0])
+    type(quantity_type), parameter :: volume = &
+        quantity_type("a volume", "0.2 L", "m3", [0, 3, 0, 0, 0])
+    type(quantity_type), parameter :: volume_flow = &
+        quantity_type("a flow", "40 L/min", "m3/s", [0, 3, -1, 0, 0])
+    type(quantity_type), parameter :: flow_per_pressure = &
+        quantity_type("a flow over a pressure", "0.02 L/min/bar", "m3/s/Pa", [-1, 4, 1, 0, 0])
+    type(quantity_type), parameter :: valve_opening = &
+        quantity_type("an opening, from -1 to 1,", "0.4", "1", [0, 0, 0, 0, 0])
     type(quantity_type), parameter :: wattage = &
         quantity_type("a power", "2 kW", "W", [1, 2, -3, 0, 0])
     type(quantity_type), parameter :: voltage = &
@@ -109,6 +119,8 @@ module linkdyn_units
         unit_entry("N", one, [1, 1, -2, 0, 0], .true.), &
         unit_entry("Nm", one, [1, 2, -2, 0, 0], .true.), &
         unit_entry("Pa", one, [1, -1, -2, 0, 0], .true.), &
+        unit_entry("bar", 1.0e5_wp, [1, -1, -2, 0, 0], .true.), &
+        unit_entry("L", 0.001_wp, [0, 3, 0, 0, 0], .true.), &
         unit_entry("J", one, [1, 2, -2, 0, 0], .true.), &
         unit_entry("W", one, [1, 2, -3, 0, 0], .true.), &
         unit_entry("V", one, [1, 2, -3, -1, 0], .true.), &
@@ -124,6 +136,7 @@ module linkdyn_units
         unit_entry("in", inch, [0, 1, 0, 0, 0], .false.), &
         unit_entry("ft", 12*inch, [0, 1, 0, 0, 0], .false.), &
         unit_entry("lb", pound, [1, 0, 0, 0, 0], .false.), &
+        unit_entry("psi", pound*standard_gravity/inch**2, [1, -1, -2, 0, 0], .false.), &
         unit_entry("lbf", pound*standard_gravity, [1, 1, -2, 0, 0], .false.), &
         unit_entry("kgf", standard_gravity, [1, 1, -2, 0, 0], .false.), &
         unit_entry("%", 0.01_wp, [0, 0, 0, 0, 0], .false.), &
@@ -332,7 +345,8 @@ contains
         integer, intent(in) :: power(n_dimension)
         character(len=:), allocatable :: text
         type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
-            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance, inductance]
+            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance, inductance, &
+            fluid_pressure, volume, volume_flow]
         character(len=8) :: exponent
         integer :: i
 

@@ -132,6 +132,9 @@ contains
                 run%system%n_before_record = 0
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
+                call run%system%fill_cylinders(options%t_start, run%y, status)
+            end if
+            if (status%is_ok()) then
                 call run%system%begin(options%t_start, run%y)
                 call start_integrator(run, model, options, status)
                 call leave_those_beyond_stops(run)

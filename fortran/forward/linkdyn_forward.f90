@@ -76,6 +76,8 @@ contains
         call refuse_other_start(run, options%t_start, q, qd, status)
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
+        call run%system%fill_cylinders(options%t_start, run%y, status)
+        if (.not. status%is_ok()) return
         call run%system%begin(options%t_start, run%y)
         call refuse_beyond_stops(run%system, options%t_start, run%y, status)
         if (.not. status%is_ok()) return

@@ -7,7 +7,7 @@ module linkdyn_forward_block
         result_time, result_q, result_qd, result_driving_force, result_driving_speed, result_driving_power, result_joint_rate, &
         result_work, result_step, result_stand_in, result_transmission_force, result_brake_torque, result_controller_target, &
         result_controller_error, result_controller_output, result_controller_limited, result_clutch_force, result_clutch_slip, &
-        result_clutch_state, result_driving_force_error, result_reaction_error
+        result_clutch_state, result_cylinder_pressure, result_cylinder_flow, result_driving_force_error, result_reaction_error
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -45,6 +45,8 @@ contains
         call view_values(layout, result_clutch_force, n, block, results%clutch_force)
         call view_values(layout, result_clutch_slip, n, block, results%clutch_slip)
         call view_values(layout, result_clutch_state, n, block, results%clutch_state)
+        call view_values(layout, result_cylinder_pressure, n, block, results%pressure)
+        call view_values(layout, result_cylinder_flow, n, block, results%flow)
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_brake_torque, n, block, results%brake)

@@ -3,6 +3,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: stand_there
     use linkdyn_constants, only: least_accuracy
+    use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
@@ -81,19 +82,22 @@ contains
     !> dy/dt of the lanes used; nobody looks at the others.
     module procedure evaluate_by_record
         integer :: given_status(lanes), lane, n
-        logical :: has_motor_laws, changes_efforts
+        logical :: has_motor_laws, has_cylinders, changes_efforts
 
         n = self%n_used
         has_motor_laws = motors_have_laws(self%model)
+        has_cylinders = any(self%layout%pressure > 0)
         call self%find_given_forces(t, self%record%given_force, given_status)
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. given_status(:n) /= sample_ok
             call close_states(self%model, self%assembly, n, self%record)
-            changes_efforts = has_motor_laws .or. self%control%state%n > 0
+            changes_efforts = has_motor_laws .or. has_cylinders .or. self%control%state%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
+            if (has_cylinders) &
+                call drive_record_by_cylinders(self%model, self%layout, n, y, self%record, self%cylinders)
             if (has_motor_laws) &
                 call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied), &
@@ -111,6 +115,7 @@ contains
         call pack_rates(self%model, self%layout, n, y, self%workspace%acceleration, self%record%counted, rate)
         call pack_control_rates(self%layout, self%control, rate)
         call pack_current_rates(self%layout, self%n_used, self%motors, rate)
+        call pack_pressure_rates(self%model, self%layout, self%n_used, self%cylinders, rate)
         if (self%may_jump) &
             call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate, is_left)
     end procedure evaluate_by_record
@@ -141,6 +146,7 @@ contains
         self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
+        self%may_be_torn = .true.
         do first = 1, size(pose, 2), lanes
             call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
@@ -163,6 +169,7 @@ contains
         self%obstacle = obstacle
         self%turns = turns
         self%n_used = n_used
+        self%may_be_torn = .false.
         agrees = of_rates%is_reached()
         sees = agrees .and. of_looks%is_reached()
 

@@ -15,6 +15,7 @@ module linkdyn_forward_phase
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_shared_programs, only: shared_programs, hold_programs, kernels_of
+    use linkdyn_scene, only: n_chamber
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -108,7 +109,7 @@ contains
         logical, intent(out) :: fits
         type(status_type), intent(inout) :: status
         real(wp) :: counted(own%n_q), turns(own%n_q), value, rate
-        integer :: k
+        integer :: k, i
 
         fits = .false.
         if (.not. phase%owns_model) allocate (phase%model)
@@ -137,6 +138,12 @@ contains
             end do
             do k = 1, size(system%layout%current)
                 call copy(from%system%layout%current(k), system%layout%current(k))
+                associate (before => from%system%layout%pressure(k), place => system%layout%pressure(k))
+                    if (place == 0) cycle
+                    do i = 0, n_chamber - 1
+                        call copy(before + i, place + i)
+                    end do
+                end associate
             end do
             call system%take_over(from%system, t, y)
             call system%look_at(spread(t, 1, lanes), y)
@@ -145,7 +152,7 @@ contains
 
     contains
 
-        !> What a controller or a motor has in y.
+        !> What a controller, a motor or a cylinder has in y.
         subroutine copy(place_before, place)
             integer, intent(in) :: place_before, place    !! 0: it has none
 

@@ -6,10 +6,11 @@ module linkdyn_forward_samples
     use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_clutch_states, only: clutch_states, state_open, state_slips, state_holds
     use linkdyn_controllers, only: controllers_type
+    use linkdyn_cylinder_states, only: cylinder_states
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_forward_kinks, only: next_kink, is_there_by
     use linkdyn_forward_run, only: forward_run, passed_now
-    use linkdyn_forward_state, only: read_coordinates, read_attitudes
+    use linkdyn_forward_state, only: state_layout, read_coordinates, read_attitudes
     use linkdyn_forward_system, only: standing_lanes
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
@@ -39,6 +40,8 @@ module linkdyn_forward_samples
         real(wp), pointer :: control_output(:, :) => null()    !! in effect (n_controller, n) [N, N m, V]
         integer, pointer :: is_limited(:, :) => null()         !! 1: that is at a limit (n_controller, n)
         real(wp), pointer :: clutch_force(:, :) => null()      !! at their first joint variable (n_clutch, n) [N, N m]
+        real(wp), pointer :: pressure(:, :, :) => null()       !! in cylinders (chamber, cylinder, n) [Pa]
+        real(wp), pointer :: flow(:, :, :) => null()           !! through their valves (chamber, cylinder, n) [m3/s]
         real(wp), pointer :: clutch_slip(:, :) => null()       !! (n_clutch, n) [m/s, rad/s]
         integer, pointer :: clutch_state(:, :) => null()       !! one of `state_*` (n_clutch, n)
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
@@ -243,6 +246,7 @@ contains
                                                                   ieee_value(1.0_wp, ieee_quiet_nan), is_there)
             if (associated(results%brake)) results%brake(:, i) = run%system%motors%brake(lane, run%model%motor%actuator)
             if (associated(results%clutch_slip) .and. is_there) results%clutch_slip(:, i) = run%system%slips_at(t, solution)
+            call tell_cylinders(run%system%layout, run%system%cylinders, i, lane, is_good, results)
             call tell_clutches(run%system%clutch, i, is_good, results)
             call tell_controllers(run%system%control%state, i, is_good, results)
             if (associated(results%step)) results%step(i) = samples%last_step(lane)
@@ -272,6 +276,26 @@ contains
             if (.not. is_interrupted()) samples%n_found = last
         end associate
     end subroutine find_forces
+
+    !> What is in cylinders.
+    subroutine tell_cylinders(layout, cylinders, i, lane, is_good, results)
+        type(state_layout), intent(in) :: layout
+        type(cylinder_states), intent(in) :: cylinders
+        integer, intent(in) :: i, lane                 !! sample, and where it is
+        logical, intent(in) :: is_good                 !! the run has come there
+        type(forward_results), intent(inout) :: results
+        integer :: k, cylinder
+
+        cylinder = 0
+        do k = 1, size(layout%pressure)
+            if (layout%pressure(k) == 0) cycle
+            cylinder = cylinder + 1
+            if (associated(results%pressure)) results%pressure(:, cylinder, i) = &
+                merge(cylinders%pressure(lane, :, k), ieee_value(1.0_wp, ieee_quiet_nan), is_good)
+            if (associated(results%flow)) results%flow(:, cylinder, i) = &
+                merge(cylinders%flow(lane, :, k), ieee_value(1.0_wp, ieee_quiet_nan), is_good)
+        end do
+    end subroutine tell_cylinders
 
     !> What clutches do.
     subroutine tell_clutches(clutch, i, is_good, results)

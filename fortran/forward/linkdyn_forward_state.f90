@@ -1,8 +1,8 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
 !> quaternion, velocity and angular velocity, for every free spherical joint quaternion and angular velocity, since three
 !> angles are not regular everywhere; the angles of coordinates that others stand in for, which count their
-!> turns; integrals and filters of continuous controllers; currents in windings; last the work of the driving forces, and the energy that all forces but
-!> gravity supply.
+!> turns; integrals and filters of continuous controllers; currents in windings, pressures in cylinders; last the work of the
+!> driving forces, and the energy that all forces but gravity supply.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative
@@ -16,7 +16,7 @@ module linkdyn_forward_state
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
-    use linkdyn_scene, only: scene_type, law_none, n_controller, is_sampled
+    use linkdyn_scene, only: scene_type, law_none, n_controller, n_chamber, is_sampled, side_opening
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
@@ -39,6 +39,7 @@ module linkdyn_forward_state
         integer, allocatable :: integral(:)      !! I part of a continuous controller; 0: it has none (n_controller)
         integer, allocatable :: slope(:)         !! its D part behind a filter; 0: it has none (n_controller)
         integer, allocatable :: current(:)       !! in the winding of a motor; 0: it has no inductance (n_actuator)
+        integer, allocatable :: pressure(:)      !! in the head of a cylinder, the other follows; 0: it has none (n_actuator)
         integer :: work = 0                      !! of the driving forces
         integer :: supplied = 0                  !! energy that all forces but gravity have supplied
     end type state_layout
@@ -119,6 +120,12 @@ contains
             if (.not. has_winding(model%scene%actuator(k))) cycle
             layout%n = layout%n + 1
             layout%current(k) = layout%n
+        end do
+        allocate (layout%pressure(model%n_actuator), source=0)
+        do k = 1, model%n_actuator
+            if (model%scene%actuator(k)%drive%side /= side_opening) cycle
+            layout%pressure(k) = layout%n + 1
+            layout%n = layout%n + n_chamber
         end do
         layout%work = layout%n + 1
         layout%supplied = layout%n + 2

@@ -3,8 +3,8 @@
 !> This file tells the story of a run: how rates come about at a state (`evaluate_forward`, `evaluate_on_lanes`), and what an accepted step
 !> brings with it (`accept_forward`). Each part of it keeps its own state in a type with a module of its own, which knows nothing of the
 !> system; what needs the whole system is in submodules: pushes of stops and clutches (`linkdyn_forward_contacts`), what happens at an
-!> instant (`linkdyn_forward_events`, `linkdyn_forward_stops`, `linkdyn_forward_clutches`), controllers (`linkdyn_forward_control`), dead
-!> points of coordinates (`linkdyn_forward_watch`).
+!> instant (`linkdyn_forward_events`, `linkdyn_forward_stops`, `linkdyn_forward_clutches`), controllers (`linkdyn_forward_control`),
+!> how cylinders start (`linkdyn_forward_cylinders`), dead points of coordinates (`linkdyn_forward_watch`).
 !>
 !> Rates come from a record of the scene, where it has one (`linkdyn_forward_by_record`); a state that the record does not serve, near a
 !> dead point or where the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
@@ -19,6 +19,7 @@ module linkdyn_forward_system
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
     use linkdyn_controllers, only: controllers_type, begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
+    use linkdyn_cylinder_states, only: cylinder_states, prepare_cylinders, drive_by_cylinders, pack_pressure_rates
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_balance, only: energy_of_motion
@@ -48,7 +49,7 @@ module linkdyn_forward_system
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
-    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller
+    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller, n_chamber
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
@@ -83,6 +84,8 @@ module linkdyn_forward_system
                                                        !! gives any
         type(controlled_drives) :: control
         type(motor_states) :: motors
+        type(cylinder_states) :: cylinders
+        logical, private :: may_be_torn = .false.      !! chambers may be what they cannot be: two roads are compared
         ! ---- what becomes of steps
         type(energy_check), private :: energy
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
@@ -136,6 +139,7 @@ module linkdyn_forward_system
         procedure :: switch_now
         procedure :: slips_at
         procedure :: touches
+        procedure :: fill_cylinders
         procedure :: next_control
         procedure :: control_now
         procedure :: begin
@@ -248,6 +252,16 @@ module linkdyn_forward_system
         module subroutine compare_seen(self)
             class(forward_system), intent(inout) :: self
         end subroutine compare_seen
+
+        ! ---- linkdyn_forward_cylinders
+        !> Pressures of a start whose coordinates are in y: given, or those of the scene, or those that hold it.
+        module subroutine fill_cylinders(self, t, y, status, given)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+            real(wp), intent(inout) :: y(:, :)             !! (lane, n)
+            type(status_type), intent(inout) :: status
+            real(wp), intent(in), optional :: given(:, :)  !! (chamber, n_actuator) [Pa]; of other actuators nothing
+        end subroutine fill_cylinders
 
         ! ---- linkdyn_forward_control
         !> The next instant at which a controller takes a sample, or one takes effect; huge: none.
@@ -471,6 +485,7 @@ contains
             call prepare_kinematics(model, 0, system%look)
         end if
         call prepare_motors(model%n_actuator, system%motors)
+        call prepare_cylinders(model%n_actuator, system%cylinders)
         if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, kernels, system%of_motion, status)
@@ -587,6 +602,7 @@ contains
             return
         end if
         call evaluate_by_record(self, t, y, rate, is_left)
+        is_left = is_left .or. self%cylinders%impossible > 0
         if (any(is_left)) then
             call evaluate_rest(self, t, y, is_left, rate, failed)
         else
@@ -670,6 +686,7 @@ contains
             call pack_rates(model, self%layout, lanes, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, self%control, rate)
             call pack_current_rates(self%layout, self%n_used, self%motors, rate)
+            call pack_pressure_rates(model, self%layout, self%n_used, self%cylinders, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
         end associate
@@ -677,7 +694,7 @@ contains
     end subroutine evaluate_on_lanes
 
     !> Forces of actuators at states whose motion is in the workspace: what drives give, what controllers put on top of it, and what
-    !> motors make of both.
+    !> motors and cylinders make of both.
     subroutine drive_actuators(self, t, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -697,6 +714,7 @@ contains
                 end do
             end if
             if (self%control%state%n > 0) call drive_by_controllers(self, t, y)
+            call drive_by_cylinders(self%model, self%layout, y, workspace, self%cylinders)
             if (motors_have_laws(self%model)) &
                 call drive_by_motors(self%model, self%equations, self%layout, t, y, workspace, self%motors)
         end associate
@@ -717,6 +735,7 @@ contains
         if (applies_motion_forces(self)) then
             where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
         end if
+        if (.not. self%may_be_torn) failed = failed .or. self%cylinders%impossible > 0
         where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
     end subroutine note_failures
 
@@ -799,6 +818,7 @@ contains
         where (is_accepted) self%clutch%t_accepted = t
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
+        if (is_accepted(1)) self%cylinders%culprit = 0
         self%control%state%blind = 0
         is_seen = .false.
         if (self%assembly%is_needed .or. wraps_anywhere(self%of_joints)) then

@@ -7,6 +7,7 @@ module linkdyn_forward_words
     use linkdyn_forward_run, only: forward_run
     use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
@@ -109,6 +110,8 @@ contains
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
+        else if (run%system%cylinders%culprit > 0) then
+            reason = reason//torn_in_words(run%system%cylinders%culprit, run%model)
         else
             select case (run%integrator%reason)
             case (stop_growth)
@@ -137,6 +140,16 @@ contains
             reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> What a cylinder cannot be.
+    function torn_in_words(i, model) result(text)
+        integer, intent(in) :: i                       !! its actuator
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = "cylinder of actuator "//quoted(model%scene%actuator(i)%name)//": a chamber has no volume left, or its oil would " &
+               //"have to pull (expected end stops within the stroke; 'air' in the oil, which then fills the chamber)"
+    end function torn_in_words
 
     !> Has a controller nothing to put out, where the mechanism itself could go on?
     pure logical function has_blind_controller(run)

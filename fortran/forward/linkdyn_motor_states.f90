@@ -8,7 +8,7 @@ module linkdyn_motor_states
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_motor_laws, only: torque_of_law, brake_torque, current_rate
-    use linkdyn_scene, only: side_joint
+    use linkdyn_scene, only: is_at_motor
     implicit none (type, external)
     private
     public :: motor_states, prepare_motors, motors_have_laws, drive_by_motors, drive_record_by_motors, pack_current_rates, &
@@ -37,7 +37,7 @@ contains
     pure logical function motors_have_laws(model)
         type(model_type), intent(in) :: model
 
-        motors_have_laws = any(model%scene%actuator%drive%side /= side_joint)
+        motors_have_laws = any(is_at_motor(model%scene%actuator%drive%side))
     end function motors_have_laws
 
     !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
@@ -56,7 +56,7 @@ contains
         do i = 1, model%n_actuator
             associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, &
                        force => workspace%driving_force(:, i))
-                if (equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                if (equations%unknown%drive(i) .or. .not. is_at_motor(drive%side)) cycle
                 speed = motor%ratio*workspace%driving_rate(:, i)
                 motors%brake(:, i) = brake_torque(motor, min(t, motors%t_braked), motors%switched(:, i), motors%is_on(:, i), speed)
                 do lane = 1, lanes
@@ -83,7 +83,7 @@ contains
 
         do i = 1, model%n_actuator
             associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, samples => record%samples)
-                if (equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                if (equations%unknown%drive(i) .or. .not. is_at_motor(drive%side)) cycle
                 do lane = 1, n
                     associate (effort => samples%effort(i, lane))
                         speed = motor%ratio*samples%measured(samples%n_measure + i, lane)

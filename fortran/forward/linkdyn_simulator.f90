@@ -8,9 +8,10 @@
 !> all the same, or steps would lead over that point to a mechanism that was thrown back.
 module linkdyn_simulator
     use linkdyn_coordinate_watch, only: prepare_watch, dead_coordinate
+    use linkdyn_cylinder_states, only: pressures_of_state
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
-    use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
+    use linkdyn_forward_state, only: state_layout, fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
         stop_pace
@@ -19,7 +20,7 @@ module linkdyn_simulator
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_inverse
+    use linkdyn_scene, only: drive_inverse, side_opening
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
@@ -39,7 +40,7 @@ module linkdyn_simulator
         real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
         type(kinematic_state), private :: scratch
     contains
-        procedure :: open, set, step, read, keep, put_back, close
+        procedure :: open, set, step, read, n_cylinder, read_pressures, keep, put_back, close
     end type simulator_type
 
     !> Where a simulator has stood, with all that it remembered: going on from there once more takes the same steps.
@@ -83,11 +84,12 @@ contains
     end subroutine open
 
     !> Go on from other coordinates and rates, on the assembly that the way from the scene's start leads to.
-    subroutine set(self, t, q, qd, status)
+    subroutine set(self, t, q, qd, status, pressure)
         class(simulator_type), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: q(:), qd(:)            !! (n_q) [m, rad; /s]
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: pressure(:, :)   !! (chamber, cylinder) [Pa]; absent: as a run would begin
         real(wp), allocatable :: rate(:, :)
         logical :: failed(lanes)
 
@@ -105,6 +107,12 @@ contains
         if (allocated(self%y)) deallocate (self%y)
         allocate (self%y(lanes, self%system%n), rate(lanes, self%system%n))
         call fill_start(self%model, self%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), self%y)
+        if (present(pressure)) then
+            call self%system%fill_cylinders(t, self%y, status, of_actuators(self%system%layout, pressure))
+        else
+            call self%system%fill_cylinders(t, self%y, status)
+        end if
+        if (.not. status%is_ok()) return
         call self%system%begin(t, self%y)
         call refuse_beyond_stops(self%system, t, self%y, status)
         if (.not. status%is_ok()) return
@@ -121,6 +129,22 @@ contains
         allocate (self%integrator)
         call self%integrator%start(self%options, self%system, t, self%y, status)
     end subroutine set
+
+    !> Pressures of cylinders as those of actuators; of other ones zero.
+    pure function of_actuators(layout, pressure) result(given)
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: pressure(:, :)         !! (chamber, cylinder) [Pa]
+        real(wp) :: given(size(pressure, 1), size(layout%pressure))     !! (chamber, n_actuator)
+        integer :: i, cylinder
+
+        given = 0
+        cylinder = 0
+        do i = 1, size(layout%pressure)
+            if (layout%pressure(i) == 0) cycle
+            cylinder = cylinder + 1
+            given(:, i) = pressure(:, cylinder)
+        end do
+    end function of_actuators
 
     !> Give back all but the model: the mechanism stands nowhere.
     subroutine leave(self)
@@ -184,7 +208,7 @@ contains
     subroutine step(self, t_end, force, status)
         class(simulator_type), intent(inout) :: self
         real(wp), intent(in) :: t_end                  !! [s]
-        real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m]
+        real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m, V; openings of valves]
         type(status_type), intent(inout) :: status
         real(wp), parameter :: breath = 0.25_wp        !! [s]
         logical :: is_there
@@ -280,6 +304,34 @@ contains
         q = position(1, :)
         qd = rate(1, :)
     end subroutine read
+
+    !> Cylinders whose pressures are states.
+    pure integer function n_cylinder(self)
+        class(simulator_type), intent(in) :: self
+
+        n_cylinder = count(self%model%scene%actuator%drive%side == side_opening)
+    end function n_cylinder
+
+    !> Pressures in its cylinders.
+    !>
+    !> **Errors**: it stands nowhere.
+    subroutine read_pressures(self, pressure, status)
+        class(simulator_type), intent(in) :: self
+        real(wp), intent(inout) :: pressure(:, :)      !! (chamber, cylinder) [Pa]
+        type(status_type), intent(inout) :: status
+        integer :: i, cylinder
+
+        call need_place(self, status)
+        if (.not. status%is_ok()) return
+        cylinder = 0
+        associate (place => self%system%layout%pressure)
+            do i = 1, size(place)
+                if (place(i) == 0) cycle
+                cylinder = cylinder + 1
+                pressure(:, cylinder) = pressures_of_state(self%model%scene%actuator(i)%cylinder, place(i), self%y(1, :))
+            end do
+        end associate
+    end subroutine read_pressures
 
     subroutine close(self)
         class(simulator_type), intent(inout) :: self

@@ -5,14 +5,15 @@
 !> d its motion has the rate sqrt(k a.M^-1 a) or d a.M^-1 a.
 module linkdyn_stiffest_part
     use linkdyn_belt_measures, only: measure_stretch
+    use linkdyn_cylinder_laws, only: oil_stiffness
     use linkdyn_forward_system, only: forward_system, build_forward_system
-    use linkdyn_joint_rates, only: actuator_rates
+    use linkdyn_joint_rates, only: actuator_rates, measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_measures, only: measure_spring_length
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
-        controller_spec, measure_joint, side_joint, side_voltage, is_sampled
+        controller_spec, measure_joint, side_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     implicit none (type, external)
@@ -31,7 +32,7 @@ contains
         type(model_type), target :: bare
         type(forward_system) :: system
         type(status_type) :: status
-        real(wp) :: of_part, stiffness, damping, gain
+        real(wp) :: of_part, stiffness, damping, gain, place(lanes), ignored(lanes)
         integer :: i
 
         name = ""
@@ -74,11 +75,24 @@ contains
                 rate = max(rate, of_part)
             end associate
         end do
+        do i = 1, model%n_actuator
+            associate (actuator => model%scene%actuator(i))
+                if (actuator%drive%side /= side_opening) cycle
+                of_part = mobility_at_drive(bare, system, t, y, i)
+                call measure_variable(bare, system%workspace%state, actuator%joint, actuator%variable, spread(0.0_wp, 1, lanes), &
+                                      place, ignored)
+                ! air gives way the less the higher the pressure is
+                of_part = rate_of(oil_stiffness(actuator%cylinder, spread(actuator%cylinder%supply, 1, n_chamber), place(1)), &
+                                  0.0_wp, of_part)
+                if (of_part > rate) name = "the oil of actuator "//quoted(actuator%name)
+                rate = max(rate, of_part)
+            end associate
+        end do
         do i = 1, size(model%scene%controller)
             associate (controller => model%scene%controller(i))
                 if (.not. watches_its_actuator(model, controller)) cycle
                 gain = 1
-                if (controller%side /= side_joint) gain = model%scene%actuator(controller%actuator)%motor%ratio
+                if (is_at_motor(controller%side)) gain = model%scene%actuator(controller%actuator)%motor%ratio
                 of_part = rate_of(gain*controller%kp, gain*controller%kd, &
                                   mobility_at_drive(bare, system, t, y, controller%actuator))
                 if (of_part > rate) name = "controller "//quoted(controller%name)
@@ -95,7 +109,8 @@ contains
 
         associate (actuator => model%scene%actuator(controller%actuator), &
                    measure => model%scene%laws%measure(controller%measure))
-            watches = .not. is_sampled(controller) .and. controller%filter <= 0 .and. controller%side /= side_voltage &
+            watches = .not. is_sampled(controller) .and. controller%filter <= 0 &
+                      .and. all(controller%side /= [side_voltage, side_opening]) &
                       .and. measure%kind == measure_joint .and. .not. measure%is_rate &
                       .and. measure%joint == actuator%joint .and. measure%variable == actuator%variable
         end associate

@@ -6,14 +6,15 @@ module linkdyn_drives
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_spec, side_torque, side_voltage
+    use linkdyn_scene, only: law_spec, side_torque, side_voltage, side_opening
     implicit none (type, external)
     private
     public :: law_on_lanes, coordinate_of_actuator, effort_scale
 
 contains
 
-    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to one.
+    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to one;
+    !> valves open alike.
     pure real(wp) function effort_scale(model, i) result(scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
@@ -24,6 +25,8 @@ contains
                 scale = model%scene%laws%scale**2
             case (side_voltage)
                 scale = model%scene%laws%scale
+            case (side_opening)
+                scale = 1
             case default
                 scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
             end select

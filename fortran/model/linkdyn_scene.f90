@@ -14,7 +14,8 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, arm_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
+    public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, cylinder_spec, spring_spec, variable_spec, source_spec, &
+        source_shelf, n_chamber
     public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch, pulls_in_line
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
@@ -38,7 +39,7 @@ module linkdyn_scene
         drive_controlled
     public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
     public :: windup_none, windup_clamp, windup_back
-    public :: side_joint, side_torque, side_voltage, has_limits
+    public :: side_joint, side_torque, side_voltage, side_opening, is_at_motor, has_limits
     public :: marker_at
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -113,6 +114,9 @@ module linkdyn_scene
     integer, parameter :: side_joint = 0           !! the driving force
     integer, parameter :: side_torque = 1          !! the torque of the motor
     integer, parameter :: side_voltage = 2         !! the voltage at the motor's terminals
+    integer, parameter :: side_opening = 3         !! how far the valve of the cylinder is open, -1 to 1
+
+    integer, parameter :: n_chamber = 2            !! of a cylinder
 
     !> A point with an axis, fixed to a link. Its frame has z along `axis`.
     type :: marker_spec
@@ -301,6 +305,23 @@ module linkdyn_scene
         integer :: line = 0
     end type motor_spec
 
+    !> A hydraulic cylinder behind a slide and the valve that feeds it. Its chambers are the head, without the rod, and the rod's.
+    type :: cylinder_spec
+        logical :: is_given = .false.
+        real(wp) :: area(n_chamber) = 0              !! of the piston in each chamber [m2]
+        real(wp) :: dead_volume(n_chamber) = 0    !! of each chamber where the piston is at its end there [m3]
+        real(wp) :: stroke(2) = 0                 !! joint variable with the rod in, and with it out [m]
+        real(wp) :: bulk_modulus = 0              !! of the oil [Pa]
+        real(wp) :: air = 0                       !! share of the oil's volume that is air, under the atmosphere
+        real(wp) :: supply = 0, tank = 0          !! pressures above the atmosphere's [Pa]
+        real(wp) :: flow = 0, drop = 0            !! of an edge of the valve that is wide open: this flow at that drop [m3/s, Pa]
+        real(wp) :: laminar_drop = 1.0e5_wp       !! below about that the flow goes with the drop, not with its root [Pa]
+        real(wp) :: leakage = 0                   !! past the piston, over the pressure difference [m3/s/Pa]
+        logical :: has_start = .false.
+        real(wp) :: start(n_chamber) = 0          !! pressures at the start of a forward run [Pa]
+        integer :: line = 0
+    end type cylinder_spec
+
     !> A driven joint variable: in inverse dynamics its force or torque is an unknown.
     type :: actuator_spec
         character(len=name_len) :: name = ""      !! the joint's name
@@ -312,6 +333,7 @@ module linkdyn_scene
         type(drive_spec) :: drive
         logical :: has_law = .false.              !! the file says what it does in forward dynamics
         type(motor_spec) :: motor
+        type(cylinder_spec) :: cylinder
         integer :: line = 0
     end type actuator_spec
 
@@ -535,6 +557,13 @@ contains
         has_limits = motor%largest_torque > 0 .or. motor%largest_power > 0 .or. motor%largest_current > 0 &
                      .or. motor%torque_curve%kind /= law_none
     end function has_limits
+
+    !> Is a law about the motor behind a joint variable?
+    elemental logical function is_at_motor(side)
+        integer, intent(in) :: side                 !! one of `side_*`
+
+        is_at_motor = side == side_torque .or. side == side_voltage
+    end function is_at_motor
 
     !> Does a payload's mass change with time?
     elemental logical function payload_changes(payload)

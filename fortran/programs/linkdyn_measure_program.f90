@@ -1,15 +1,15 @@
 !> The program that measures what laws depend on: from coordinates and their rates to joint variables, places and velocities of
-!> markers, stretches of springs, and how fast motors turn. The laws are evaluated outside of it, and their values go into the next
-!> program.
+!> markers, stretches of springs, how fast motors turn, and where cylinders are. The laws are evaluated outside of it, and their
+!> values go into the next program.
 module linkdyn_measure_program
     use linkdyn_inputs, only: trace_request, sample_set
-    use linkdyn_joint_variables, only: variable_rate
+    use linkdyn_joint_variables, only: one_variable, variable_rate
     use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: model_type
     use linkdyn_place_variables, only: place_value, place_rate
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, measure_distance, measure_attitude, &
-        measure_tilt, side_joint
+        measure_tilt, side_joint, side_opening
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_springs, only: measure_spring_stretch
     use linkdyn_trace, only: traced_type, trace_motion
@@ -19,7 +19,8 @@ module linkdyn_measure_program
     public :: make_measure_program, out_measures
 
     !> All that the program gives: the measures of the scene's law book, then the rates of the joint variables that actuators drive
-    !> (n_actuator; zero where no law is about the motor).
+    !> (n_actuator; zero where a law gives the driving force itself), and the joint variables of cylinders with a valve
+    !> (n_actuator; zero of others).
     integer, parameter :: out_measures = 104
 
 contains
@@ -33,7 +34,7 @@ contains
         type(record_type), target :: record
         type(traced_type) :: traced
         type(output_list) :: list
-        type(value), allocatable :: measure(:), driven(:)
+        type(value), allocatable :: measure(:), driven(:), place(:)
         integer :: k
 
         call open_record(record, sample%n)
@@ -42,15 +43,18 @@ contains
         do k = 1, size(measure)
             measure(k) = measured(traced%mechanism, model%scene%laws%measure(k))
         end do
-        allocate (driven(model%n_actuator))
+        allocate (driven(model%n_actuator), place(model%n_actuator))
         do k = 1, size(driven)
             driven(k) = zero()
+            place(k) = zero()
             associate (actuator => model%scene%actuator(k))
                 if (actuator%drive%side /= side_joint) &
                     driven(k) = variable_rate(traced%mechanism, actuator%joint, actuator%variable)
+                if (actuator%drive%side == side_opening) &
+                    place(k) = one_variable(traced%mechanism, actuator%joint, actuator%variable)
             end associate
         end do
-        call add_output(list, out_measures, [measure, driven])
+        call add_output(list, out_measures, [measure, driven, place])
         call make_scene_program(record, traced%in, list, program)
         call close_record(record)
     end subroutine make_measure_program

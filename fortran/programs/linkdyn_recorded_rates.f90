@@ -19,7 +19,7 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, side_torque, side_voltage, measure_time, &
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, side_torque, side_voltage, side_opening, measure_time, &
         is_sampled
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
@@ -139,7 +139,7 @@ contains
             call add(in_counted, model%n_q, samples%counted)
             allocate (samples%law(size(model%scene%laws%law), n), source=0.0_wp)
             samples%n_measure = size(model%scene%laws%measure)
-            allocate (samples%measured(samples%n_measure + model%n_actuator, n), samples%turned(samples%n_measure, n), &
+            allocate (samples%measured(samples%n_measure + 2*model%n_actuator, n), samples%turned(samples%n_measure, n), &
                       source=0.0_wp)
         end associate
         allocate (samples%found(recorded%out%n, n), samples%seen(recorded%look%n, n), samples%is_left(n), samples%t(n), &
@@ -214,6 +214,8 @@ contains
                         scale = book%scale**2
                     case (side_voltage)
                         scale = book%scale
+                    case (side_opening)
+                        scale = 1
                     case default
                         scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
                     end select

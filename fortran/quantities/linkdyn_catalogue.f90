@@ -32,6 +32,7 @@ module linkdyn_catalogue
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
     public :: result_clutch_force, result_clutch_slip, result_clutch_state
+    public :: result_cylinder_pressure, result_cylinder_flow
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -98,7 +99,10 @@ module linkdyn_catalogue
     integer, parameter :: result_clutch_force = 54
     integer, parameter :: result_clutch_slip = 55
     integer, parameter :: result_clutch_state = 56
-    integer, parameter :: n_results = 58                    !! the largest of these numbers
+    ! ---- of cylinders, in forward dynamics
+    integer, parameter :: result_cylinder_pressure = 59
+    integer, parameter :: result_cylinder_flow = 60
+    integer, parameter :: n_results = 60                    !! the largest of these numbers
 
 contains
 

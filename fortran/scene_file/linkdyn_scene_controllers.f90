@@ -4,8 +4,8 @@ module linkdyn_scene_controllers
     use linkdyn_expression, only: measured_value
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, controller_spec, measure_spec, name_len, measure_time, measure_joint, measure_spring, &
-        coordinate_joint, law_none, law_over, drive_controlled, is_sampled, side_joint, side_torque, side_voltage, feed_law, &
-        feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
+        coordinate_joint, law_none, law_over, drive_controlled, is_sampled, side_joint, side_torque, side_voltage, side_opening, &
+        is_at_motor, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, counted, get_quantity, get_name, &
@@ -20,7 +20,7 @@ module linkdyn_scene_controllers
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node, toml_table, toml_string
-    use linkdyn_units, only: quantity_type, length, moment, voltage, time_span
+    use linkdyn_units, only: quantity_type, length, moment, voltage, time_span, valve_opening
     use linkdyn_variables, only: measured_of_text
     implicit none (type, external)
     private
@@ -29,8 +29,8 @@ module linkdyn_scene_controllers
     character(len=17), parameter :: controller_key(*) = [character(len=17) :: "name", "actuator", "at", "joint", "variable", &
         "coordinate", "measure", "target", "kp", "ki", "kd", "filter", "damps", "limit", "min", "max", "anti_windup", &
         "tracking_time", "feed_forward", "rate", "delay", "delay_samples", "resolution", "output_resolution"]
-    character(len=9), parameter :: side_name(3) = [character(len=9) :: "joint", "motor", "terminals"]
-    integer, parameter :: side_of(3) = [side_joint, side_torque, side_voltage]
+    character(len=9), parameter :: side_name(4) = [character(len=9) :: "joint", "motor", "terminals", "valve"]
+    integer, parameter :: side_of(4) = [side_joint, side_torque, side_voltage, side_opening]
     real(wp), parameter :: most_samples = 1000     !! that a delay may last
 
 contains
@@ -150,7 +150,15 @@ contains
             output = force_quantity(scene%joint(actuator%joint)%kind, actuator%variable)
             if (controller%side == side_torque) output = moment
             if (controller%side == side_voltage) output = voltage
-            if (status%is_ok() .and. controller%side /= side_joint .and. .not. actuator%motor%is_given) &
+            if (controller%side == side_opening) then
+                output = valve_opening
+                controller%low = -1                    ! a valve opens no farther
+                controller%high = 1
+            end if
+            if (status%is_ok() .and. controller%side == side_opening .and. .not. actuator%cylinder%is_given) &
+                call refuse_value(place, "at", place%node%get("at"), "= 'valve': actuator "//quoted(actuator%name)// &
+                    " has no cylinder (expected a 'cylinder' of the actuator: { bore = '80 mm', .. })", status)
+            if (status%is_ok() .and. is_at_motor(controller%side) .and. .not. actuator%motor%is_given) &
                 call refuse_value(place, "at", place%node%get("at"), "= "//quoted(trim(side_name(choice)))//": actuator "// &
                     quoted(actuator%name)//" has no motor (expected a 'drive' of the actuator: { ratio = 50, .. })", status)
         end associate
@@ -515,6 +523,9 @@ contains
         if (controller%side == side_voltage) then
             call refuse_value(place, "feed_forward", node, "= "//quoted(text)//" is a force, and the output a voltage "// &
                 "(expected at = ""motor"" or ""joint"", or a formula)", status)
+        else if (controller%side == side_opening) then
+            call refuse_value(place, "feed_forward", node, "= "//quoted(text)//" is a force, and the output opens a valve "// &
+                "(expected a formula)", status)
         else if (size(scene%actuator) /= size(scene%coordinate)) then
             call refuse_value(place, "feed_forward", node, "= "//quoted(text)//" wants as many actuators as coordinates, and "// &
                 "there are "//counted(size(scene%actuator), "actuator")//" for "//counted(size(scene%coordinate), "coordinate")// &

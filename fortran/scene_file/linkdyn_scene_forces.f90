@@ -6,15 +6,17 @@ module linkdyn_scene_forces
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
         drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_joint, side_torque, &
-        side_voltage, has_limits, name_len
+        side_voltage, side_opening, is_at_motor, has_limits, name_len
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
-        damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance
+        damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, &
+        valve_opening
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, counted, &
         get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
     use linkdyn_scene_motors, only: read_motor_drive
+    use linkdyn_scene_cylinders, only: read_cylinder
     use linkdyn_scene_motion, only: joint_variable_name
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_state_laws, only: read_force_law, read_spring_law
@@ -25,8 +27,9 @@ module linkdyn_scene_forces
     public :: read_actuators, read_loads, read_springs, read_stiffness, force_quantity
 
     integer, parameter :: drive_voltage = 8        !! any law of the voltage at a motor; it is kept as the law that it is
-    character(len=13), parameter :: drive_name(8) = [character(len=13) :: "inverse", "constant", "table", &
-        "spring-damper", "dc-motor", "pd", "formula", "voltage"]
+    integer, parameter :: drive_valve = 9          !! any law of how far a valve is open, likewise
+    character(len=13), parameter :: drive_name(9) = [character(len=13) :: "inverse", "constant", "table", &
+        "spring-damper", "dc-motor", "pd", "formula", "voltage", "valve"]
 
 contains
 
@@ -75,7 +78,8 @@ contains
         if (.not. status%is_ok()) return
         actuator%line = place%line
         place%what = "actuator "//quoted(scene%joint(actuator%joint)%name)
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "name", "law", "share", "preload", "drive"], status)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "name", "law", "share", "preload", "drive", "cylinder"], &
+                        status)
         if (status%is_ok() .and. scene%joint(actuator%joint)%kind == joint_spherical) call refuse_value(place, "joint", &
             place%node%get("joint"), "names a spherical joint, which no single torque drives "// &
             "(expected a joint with an axis)", status)
@@ -94,8 +98,12 @@ contains
         node = place%node%get("drive")
         if (status%is_ok() .and. node%is_present()) call read_motor_drive(place, node, scene%joint(actuator%joint)%kind, &
             actuator%unit /= "N", shelf, actuator, status)
-        if (status%is_ok() .and. actuator%drive%side /= side_joint .and. .not. node%is_present()) call refuse_missing(place, &
+        if (status%is_ok() .and. is_at_motor(actuator%drive%side) .and. .not. node%is_present()) call refuse_missing(place, &
             "drive", "the motor that the law is about: { ratio = 50, .. }", status)
+        node = place%node%get("cylinder")
+        if (status%is_ok() .and. node%is_present()) call read_cylinder(place, node, actuator, status)
+        if (status%is_ok() .and. actuator%drive%side == side_opening .and. .not. node%is_present()) call refuse_missing(place, &
+            "cylinder", "the cylinder that the valve feeds: { bore = '80 mm', .. }", status)
     end subroutine read_actuator
 
     !> Of several at one joint variable each but one has a name of its own: "crank:brake".
@@ -189,6 +197,11 @@ contains
                 drive%kind = drive_over
                 drive%side = side_voltage
                 call read_driving_formula(inner, voltage, shelf, drive, status)
+            case (drive_valve)
+                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                drive%kind = drive_over
+                drive%side = side_opening
+                call read_driving_formula(inner, valve_opening, shelf, drive, status)
             case (drive_spring_damper)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
                 call read_stiffness(inner, is_angle, drive%value(1:2), status)

@@ -28,6 +28,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_clutches, only: read_clutches
     use linkdyn_scene_events, only: read_events, read_stops
     use linkdyn_scene_friction, only: read_frictions
+    use linkdyn_scene_cylinders, only: check_cylinders
     use linkdyn_scene_motors, only: check_laws_at_motors
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
@@ -170,6 +171,7 @@ contains
         call read_clutches(root, shelf, scene, status)
         call read_frictions(root, shelf, scene, status)
         scene%laws = shelf%book
+        if (status%is_ok()) call check_cylinders(root, scene, status)
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)
     end subroutine read_tables

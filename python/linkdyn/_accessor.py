@@ -120,11 +120,13 @@ class RunAccessor:
 
         return cycle.motor(self._run, actuator, self._scene("motor", scene), **options)
 
-    def cylinder(self, actuator: str, **options: Any) -> xr.Dataset:
+    def cylinder(self, actuator: str, *, scene: Scene | None = None, **options: Any) -> xr.Dataset:
         """Pressures and flows of the cylinder that gives an actuator's force: `linkdyn.cycle.cylinder`."""
         from . import cycle
 
-        return cycle.cylinder(self._run, actuator, **options)
+        if "bore" not in options:
+            scene = self._scene("cylinder", scene)
+        return cycle.cylinder(self._run, actuator, scene, **options)
 
     def rms(self, quantity: str = "driving_force") -> xr.DataArray:
         """Rms values over the run's time, as the summary tells them; samples that failed do not count.

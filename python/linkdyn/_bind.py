@@ -553,9 +553,16 @@ def open_simulator(handle: int, method: str, settings: tuple[float, float, float
     return int(simulator)
 
 
-def set_simulator(simulator: int, t: float, q: Floats, qd: Floats) -> None:
-    """Put its mechanism somewhere else."""
-    check(*_api.api_set_simulator(simulator, t, q, qd))
+def set_simulator(simulator: int, t: float, q: Floats, qd: Floats, pressure: Floats | None = None) -> None:
+    """Put its mechanism somewhere else; without pressures, with those by which a run would begin."""
+    check(*_api.api_set_simulator(simulator, t, q, qd, pressure is not None, np.zeros(1) if pressure is None else pressure.ravel()))
+
+
+def pressures_of_simulator(simulator: int, n_cylinder: int) -> Floats:
+    """(n_cylinder, 2) in head and rod chambers [Pa]."""
+    pressure = np.zeros(2 * max(1, n_cylinder))
+    check(*_api.api_simulator_pressures(simulator, pressure[: 2 * n_cylinder] if n_cylinder else pressure[:1]))
+    return pressure[: 2 * n_cylinder].reshape(n_cylinder, 2)
 
 
 def step_simulator(simulator: int, t_end: float, force: Floats, n_force: int, q: Floats, qd: Floats) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ._arguments import as_known, as_path
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
+from ._words import Cylinder, Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:
@@ -697,7 +697,8 @@ class Builder:
     # ------------------------------------------------------------------------------------------------------------- forces
     def actuator(
         self, joint: str | Joint, *, variable: str | None = None, name: str | None = None, share: Quantity | None = None,
-        preload: Quantity | None = None, law: Mapping[str, Any] | None = None, drive: Drive | None = None, repeat: int | None = None,
+        preload: Quantity | None = None, law: Mapping[str, Any] | None = None, drive: Drive | None = None,
+        cylinder: Cylinder | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
         """A driven joint variable; inverse dynamics finds its force or torque.
 
@@ -715,6 +716,8 @@ class Builder:
             What it does in forward runs, see `linkdyn.efforts`.
         drive
             The motor behind it: ratio or lead [m], inertia [kg m^2], efficiency, ..
+        cylinder
+            The hydraulic cylinder behind it, and its valve: bore, rod [m], stroke, supply [Pa], ..
         repeat
             Copies.
         """
@@ -723,7 +726,7 @@ class Builder:
     def controller(
         self, actuator: str | Joint, *, target: Law | Literal["motion"], kp: Quantity | None = None, ki: Quantity | None = None,
         kd: Quantity | None = None, filter: Quantity | None = None, damps: Literal["error", "measured"] | None = None,
-        at: Literal["joint", "motor", "terminals"] | None = None, joint: str | Joint | None = None, variable: str | None = None,
+        at: Literal["joint", "motor", "terminals", "valve"] | None = None, joint: str | Joint | None = None, variable: str | None = None,
         coordinate: str | None = None, measure: str | None = None, limit: Quantity | None = None, min: Quantity | None = None,
         max: Quantity | None = None, anti_windup: Literal["none", "clamp", "back-calculation"] | None = None,
         tracking_time: Quantity | None = None, feed_forward: Law | Literal["gravity", "inverse"] | None = None,
@@ -745,7 +748,7 @@ class Builder:
         damps
             kd acts on the rate of the error, or of the measured value alone.
         at
-            Where the output acts: force at the joint, torque of the motor [N m], voltage at its terminals [V].
+            Where the output acts: force at the joint, torque of the motor [N m], voltage at its terminals [V], opening of the cylinder's valve.
         joint, variable, coordinate, measure
             What is measured; default: the actuator's joint variable.
         limit, min, max

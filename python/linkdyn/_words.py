@@ -84,6 +84,23 @@ class Drive(TypedDict, total=False):
     creep_speed: Quantity
 
 
+class Cylinder(TypedDict, total=False):
+    """The hydraulic cylinder behind an actuator, and its valve."""
+
+    bore: Quantity
+    rod: Quantity
+    through_rod: bool
+    stroke: Sequence[Quantity]
+    dead_volumes: Sequence[Quantity]
+    bulk_modulus: Quantity
+    air: Quantity
+    supply: Quantity
+    tank: Quantity
+    valve: Mapping[str, Quantity]
+    leakage: Quantity
+    pressures: Sequence[Quantity]
+
+
 Elastic = TypedDict("Elastic", {
     "from": "str | Vector", "to": "str | Sequence[str]", "E": Quantity, "G": Quantity, "area": Quantity, "shear_area": Quantity, "I": Quantity,
     "Iy": Quantity, "Iz": Quantity, "y": Vector, "J": Quantity, "compliance": "Sequence[Sequence[float]]",

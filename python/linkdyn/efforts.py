@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from ._words import Law, Quantity, Table, table_of
 
-__all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "voltage"]
+__all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "valve", "voltage"]
 
 
 def inverse() -> Table:
@@ -126,6 +126,17 @@ def table(
         As of `constant`.
     """
     return _effort("table", locals())
+
+
+def valve(value: Law) -> Table:
+    """How far the valve of the actuator's cylinder is open.
+
+    Parameters
+    ----------
+    value
+        From -1 to 1, above zero the rod comes out: a number, a formula of measures, laws and variables, or a table.
+    """
+    return _effort("valve", locals())
 
 
 def _effort(name: str, keys: dict[str, Any]) -> Table:

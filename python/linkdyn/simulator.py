@@ -73,6 +73,7 @@ class Simulator:
     def __init__(self, scene: Scene, handle: int, method: str, settings: tuple[float, float, float], t: float) -> None:
         self.scene = scene
         self._size = len(scene.actuators)
+        self._n_cylinder = sum(cylinder["has_states"] for cylinder in scene.description["cylinders"])
         self._start = t
         self._handle = _bind.open_simulator(handle, method, settings, t)
         self._finalizer = weakref.finalize(self, _bind.close_simulator, self._handle)
@@ -91,6 +92,11 @@ class Simulator:
         """(n,) their rates [m/s, rad/s]; not to be written to."""
         return _read_only(self._qd)
 
+    @property
+    def pressure(self) -> NDArray[np.float64]:
+        """(n, 2) pressures in head and rod chamber of each cylinder whose valve is told how far to open [Pa], in the order of the actuators."""
+        return _bind.pressures_of_simulator(self._handle, self._n_cylinder)
+
     def step(self, dt: float, force: ArrayLike | None = None) -> None:
         """Go on for a time.
 
@@ -100,7 +106,7 @@ class Simulator:
             [s], positive. As many steps of the integrator as its accuracy asks for lie within.
         force
             (n_actuator,) Force or torque of each actuator [N, N m], in the order of ``scene.actuators``; of one whose law is at
-            its motor the motor's torque [N m], or voltage [V]. Where a controller of the scene drives, on top of its output. Default: as before, at first none.
+            its motor the motor's torque [N m], or voltage [V]; of a cylinder whose law is at its valve how far that is open, from -1 to 1. Where a controller of the scene drives, on top of its output. Default: as before, at first none.
 
         Raises
         ------
@@ -114,7 +120,9 @@ class Simulator:
             dt = as_positive("dt", dt)
         self._advance(self.t + float(dt))
 
-    def reset(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None) -> None:
+    def reset(
+        self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None, pressure: ArrayLike | None = None
+    ) -> None:
         """Put the mechanism somewhere else; the forces are zero again, and controllers of the scene begin anew.
 
         Parameters
@@ -124,6 +132,8 @@ class Simulator:
             the way from the scene's start leads to.
         t
             [s]; default: where the simulator began.
+        pressure
+            (n, 2) In head and rod chamber of each cylinder [Pa], as `pressure` has them; default: as a run begins, see the cylinder's `pressures`.
 
         Raises
         ------
@@ -134,15 +144,16 @@ class Simulator:
             first if given is None else as_floats(name, given, (len(first),), "(n_q,), in the order of scene.coordinates")
             for name, given, first in (("q", q, self._first[0]), ("qd", qd, self._first[1]))
         ]
+        given = None if pressure is None else as_floats("pressure", pressure, (self._n_cylinder, 2), "(n, 2), in head and rod chamber")
         self._force[:] = 0.0
-        _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places)
+        _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places, given)
         self._advance(-np.inf)
 
     @property
     def state(self) -> SimulatorState:
         """Where the simulator stands, to be put back later: ``saved = sim.state``, and after any steps, or a `reset`, ``sim.state = saved``.
 
-        With coordinates and rates it has the forces that are held, what controllers remember (integrators, samples that wait for their delay), which
+        With coordinates and rates it has the forces that are held, pressures of cylinders, what controllers remember (integrators, samples that wait for their delay), which
         brakes and clutches are closed and what sticks or rests at stops, how often angles have turned, the assembly, and what the integrator has learnt:
         the same steps from there give the same bits. (Method msbdf begins its history anew.) A state belongs to the simulator that it is of.
         """

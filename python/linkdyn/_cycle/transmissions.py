@@ -117,8 +117,9 @@ def motor(
 def cylinder(
     run: xr.Dataset,
     actuator: str,
+    scene: Scene | None = None,
     *,
-    bore: float,
+    bore: float | None = None,
     rod: float = 0.0,
     supply: float | None = None,
     tank: float = 0.0,
@@ -126,7 +127,8 @@ def cylinder(
 ) -> xr.Dataset:
     """Pressures and flows of a hydraulic or pneumatic cylinder that gives an actuator's force.
 
-    The side that does not push stands under the tank's pressure; so the other has what the force asks for.
+    The side that does not push stands under the tank's pressure; so the other has what the force asks for. (Pressures that are states of forward runs are
+    ``cylinder_pressure`` of these.)
 
     Parameters
     ----------
@@ -134,6 +136,8 @@ def cylinder(
         Results with ``driving_force``, ``driving_speed``.
     actuator
         Of a slide.
+    scene
+        The scene of the run: where it has a ``cylinder`` at the actuator no other key is needed.
     bore, rod
         Diameters of piston and rod [m].
     supply
@@ -156,6 +160,12 @@ def cylinder(
         No such actuator, one of a torque, a rod as thick as the piston, numbers out of range.
     """
     _known_actuator(run, actuator, "cylinder", "N")
+    if bore is None:
+        own = None if scene is None else next((found for found in scene.description["cylinders"] if found["name"] == actuator), None)
+        if own is None:
+            raise InputError(f"cylinder: the scene has no cylinder at {actuator!r} (expected bore=, rod=)")
+        areas = (own["head_area"], own["rod_area"])
+        return _pressures(run, actuator, areas, own["supply"], own["tank"], 1 if own["extended"] > own["retracted"] else -1)
     bore = as_positive("cylinder: bore", bore)
     rod = as_number("cylinder: rod", rod)
     if not 0 <= rod < bore:
@@ -163,9 +173,16 @@ def cylinder(
     if extends not in (1, -1):
         raise InputError(f"cylinder: extends: expected 1 or -1, got {extends!r}")
     tank = as_number("cylinder: tank", tank)
-    force, speed = (extends * need_result(run, name, "cylinder").sel(actuator=actuator).values for name in ("driving_force", "driving_speed"))
     head_area = math.pi / 4 * bore**2
-    rod_area = head_area - math.pi / 4 * rod**2
+    return _pressures(run, actuator, (head_area, head_area - math.pi / 4 * rod**2), supply, tank, extends)
+
+
+# ---------------------------------------------------------------- parts
+
+def _pressures(run: xr.Dataset, actuator: str, areas: tuple[float, float], supply: float | None, tank: float, extends: int) -> xr.Dataset:
+    """Of the side that pushes, from the force."""
+    head_area, rod_area = areas
+    force, speed = (extends * need_result(run, name, "cylinder").sel(actuator=actuator).values for name in ("driving_force", "driving_speed"))
     pushes = force + tank * (rod_area - head_area) >= 0
     head = np.where(pushes, (force + tank * rod_area) / head_area, tank)
     ring = np.where(pushes, tank, (tank * head_area - force) / rod_area)
@@ -197,8 +214,6 @@ def cylinder(
     above = 0 if supply is None else int(np.sum(pressure[good] > as_positive("cylinder: supply", supply)))
     return _told(run, found, whole, {"actuator": actuator, "above_supply": above})
 
-
-# ---------------------------------------------------------------- parts
 
 def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:
     """The scene's own drive at an actuator."""

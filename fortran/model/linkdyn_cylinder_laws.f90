@@ -1,0 +1,143 @@
+!> What oil does in a hydraulic cylinder: flow over the edges of its valve, and how fast the pressures of its chambers change by it.
+!>
+!> An edge lets Q = K d/(d^2 + d0^2)^(1/4) through at the drop d, which is K sqrt(d) but for small drops, where flow goes with the drop,
+!> as in a slit: a root would have no slope there. Of the four edges two are open, as far as the valve is: supply to head and rod
+!> chamber to tank, or the other way round.
+!>
+!> A chamber of the volume V that takes in Q while its piston leaves it room at the rate A v changes its pressure by
+!> p' = B/V (Q - A v). B is the oil's bulk modulus, or less where air is in it, which gives way the more the lower the pressure is:
+!> from the volume (1 - a) exp(-p/B0) + a (p0/(p0 + p))^(1/n) that both take at the pressure p above the atmosphere's p0.
+module linkdyn_cylinder_laws
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: cylinder_spec
+    implicit none (type, external)
+    private
+    public :: chamber_volumes, cylinder_force, valve_flows, pressure_rates, holding_pressures, oil_stiffness, is_possible
+
+    real(wp), parameter :: atmosphere = 101325         !! [Pa]
+    real(wp), parameter :: adiabatic = 1.4_wp          !! exponent n of air that is compressed quickly
+
+contains
+
+    !> Of head and rod chamber at a place of the joint variable.
+    pure function chamber_volumes(cylinder, place) result(volume)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: place                  !! [m]
+        real(wp) :: volume(2)                          !! [m3]
+        real(wp) :: way
+
+        way = direction(cylinder)*(place - cylinder%stroke(1))
+        volume(1) = cylinder%dead_volume(1) + cylinder%area(1)*way
+        volume(2) = cylinder%dead_volume(2) + cylinder%area(2)*(abs(cylinder%stroke(2) - cylinder%stroke(1)) - way)
+    end function chamber_volumes
+
+    !> 1 if the joint variable grows while the rod comes out, else -1.
+    pure real(wp) function direction(cylinder)
+        type(cylinder_spec), intent(in) :: cylinder
+
+        direction = sign(1.0_wp, cylinder%stroke(2) - cylinder%stroke(1))
+    end function direction
+
+    !> Up along the joint variable.
+    pure real(wp) function cylinder_force(cylinder, pressure) result(force)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+
+        force = direction(cylinder)*(pressure(1)*cylinder%area(1) - pressure(2)*cylinder%area(2))
+    end function cylinder_force
+
+    !> Through the valve into head and rod chamber. An opening beyond -1 to 1 is none.
+    pure function valve_flows(cylinder, opening, pressure) result(flow)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: opening                !! above zero the rod comes out
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+        real(wp) :: flow(2)                            !! [m3/s]
+        real(wp) :: open
+
+        open = opening
+        ! what is no number stays none
+        if (open > 1) open = 1
+        if (open < -1) open = -1
+        if (open >= 0) then
+            flow(1) = open*edge_flow(cylinder, cylinder%supply - pressure(1))
+            flow(2) = open*edge_flow(cylinder, cylinder%tank - pressure(2))
+        else
+            flow(1) = -open*edge_flow(cylinder, cylinder%tank - pressure(1))
+            flow(2) = -open*edge_flow(cylinder, cylinder%supply - pressure(2))
+        end if
+    end function valve_flows
+
+    !> Over an edge that is wide open; its rated one at its rated drop.
+    pure real(wp) function edge_flow(cylinder, drop) result(flow)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: drop                   !! [Pa]
+
+        flow = cylinder%flow*slit(drop)/slit(cylinder%drop)
+
+    contains
+
+        pure real(wp) function slit(d)
+            real(wp), intent(in) :: d
+
+            slit = d/sqrt(hypot(d, cylinder%laminar_drop))
+        end function slit
+    end function edge_flow
+
+    !> Of head and rod chamber.
+    pure function pressure_rates(cylinder, flow, pressure, place, speed) result(rate)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: flow(2)                !! through the valve [m3/s]
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+        real(wp), intent(in) :: place, speed           !! of the joint variable [m, m/s]
+        real(wp) :: rate(2)                            !! [Pa/s]
+        real(wp) :: swept(2), past_piston
+
+        swept = direction(cylinder)*speed*[cylinder%area(1), -cylinder%area(2)]
+        past_piston = cylinder%leakage*(pressure(1) - pressure(2))
+        rate = modulus(cylinder, pressure)/chamber_volumes(cylinder, place)*(flow + [-past_piston, past_piston] - swept)
+    end function pressure_rates
+
+    !> Of oil with its air at a pressure.
+    elemental real(wp) function modulus(cylinder, pressure)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: pressure               !! [Pa]
+        real(wp) :: oil, air
+
+        modulus = cylinder%bulk_modulus
+        if (.not. cylinder%air > 0) return
+        oil = (1 - cylinder%air)*exp(-pressure/cylinder%bulk_modulus)
+        air = cylinder%air*(atmosphere/(atmosphere + pressure))**(1/adiabatic)
+        modulus = (oil + air)/(oil/cylinder%bulk_modulus + air/(adiabatic*(atmosphere + pressure)))
+    end function modulus
+
+    !> Pressures by which a cylinder gives a force while its valve is shut: as far above the tank's on one side as below the supply's
+    !> on the other. A valve that leaks alike over its edges leads there.
+    pure function holding_pressures(cylinder, force) result(pressure)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: force                  !! up along the joint variable [N]
+        real(wp) :: pressure(2)                        !! [Pa]
+
+        associate (both => cylinder%supply + cylinder%tank)
+            pressure(2) = (cylinder%area(1)*both - direction(cylinder)*force)/sum(cylinder%area)
+            pressure(1) = both - pressure(2)
+        end associate
+    end function holding_pressures
+
+    !> Force over way, with the valve shut.
+    pure real(wp) function oil_stiffness(cylinder, pressure, place) result(stiffness)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+        real(wp), intent(in) :: place                  !! of the joint variable [m]
+
+        stiffness = sum(modulus(cylinder, pressure)*cylinder%area**2/chamber_volumes(cylinder, place))
+    end function oil_stiffness
+
+    !> Has each chamber a volume, and oil that is pressed, not torn?
+    pure logical function is_possible(cylinder, pressure, place) result(is)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+        real(wp), intent(in) :: place                  !! of the joint variable [m]
+
+        is = all(chamber_volumes(cylinder, place) > 0) .and. all(pressure > -atmosphere)
+    end function is_possible
+end module linkdyn_cylinder_laws

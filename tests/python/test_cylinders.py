@@ -1,0 +1,177 @@
+"""Hydraulic cylinders whose pressures are states: against an independent program, closed forms and the balance of power."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+from linkdyn import cycle, efforts
+from scipy.integrate import solve_ivp
+
+pytestmark = pytest.mark.accuracy
+
+M, BORE, ROD, DEAD, BETA, SUPPLY, TANK, FLOW, DROP, LAMINAR = 900.0, 0.08, 0.045, (2e-4, 3e-4), 1.4e9, 180e5, 4e5, 1e-3, 35e5, 1e5
+AREA = (math.pi / 4 * BORE**2, math.pi / 4 * (BORE**2 - ROD**2))
+SHORT, LONG = 0.6, 1.1
+KEYS = {
+    "bore": BORE, "rod": ROD, "stroke": [SHORT, LONG], "dead_volumes": [*DEAD], "bulk_modulus": "1.4 GPa", "supply": "180 bar", "tank": "4 bar",
+    "valve": {"flow": "60 L/min", "drop": "35 bar"},
+}  # fmt: skip
+
+
+def machine(opening: Any = "0.5*step(time - 0.02 s)", *, start: float = 0.8, end: float = 0.2, samples: int = 201, inclined: float = 0.0, **keys: Any) -> dict[str, Any]:
+    """A mass on a slide, up the incline, that a cylinder pushes; a damper is on the slide besides."""
+    axis = [math.cos(inclined), math.sin(inclined)]
+    return {
+        "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"A": {"at": [0, 0], "axis": axis}}},
+        "link": [{"name": "mass", "mass": M, "inertia": 1.0, "markers": {"O": {"at": [0, 0], "axis": axis}}}],
+        "joint": [{"name": "A", "type": "prismatic", "between": ["frame.A", "mass.O"]}],
+        "coordinate": [{"joint": "A", "start": {"position": start}}],
+        "spring": [{"name": "oil", "joint": "A", "damping": 400}],
+        "actuator": [{"joint": "A", "law": {"type": "valve", "value": opening}, "cylinder": {**KEYS, **keys}}],
+        "time": {"end": end, "samples": samples},
+    }  # fmt: skip
+
+
+def edge(drop: float) -> float:
+    """Flow over an edge that is wide open, its rated one at its rated drop."""
+    return FLOW * drop / (drop**2 + LAMINAR**2) ** 0.25 * (DROP**2 + LAMINAR**2) ** 0.25 / DROP
+
+
+def reference(opening: Any, start: np.ndarray, instants: np.ndarray, *, slope: float = 0.0, air: float = 0.0, leakage: float = 0.0) -> np.ndarray:
+    """Place, speed, pressures by scipy, between kinks of the opening at the first of `instants` and its end."""
+
+    def modulus(p: float) -> float:
+        if air == 0:
+            return BETA
+        # of the volume that oil and air take, by a difference quotient: no formula of the engine
+        def volume(p: float) -> float:
+            return (1 - air) * math.exp(-p / BETA) + air * (101325 / (101325 + p)) ** (1 / 1.4)
+
+        h = 1e-5 * (101325 + p)
+        return -volume(p) * 2 * h / (volume(p + h) - volume(p - h))
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        s, v, a, b = y
+        u = opening(t)
+        if u >= 0:
+            qa, qb = u * edge(SUPPLY - a), -u * edge(b - TANK)
+        else:
+            qa, qb = u * edge(a - TANK), -u * edge(SUPPLY - b)
+        lost = leakage * (a - b)
+        va, vb = DEAD[0] + AREA[0] * (s - SHORT), DEAD[1] + AREA[1] * (LONG - s)
+        force = a * AREA[0] - b * AREA[1]
+        return [v, (force - 400 * v) / M - 9.81 * slope, modulus(a) / va * (qa - lost - AREA[0] * v), modulus(b) / vb * (qb + lost + AREA[1] * v)]
+
+    scale = np.array([1e-9, 1e-9, 1e-2, 1e-2])
+    found = solve_ivp(rates, (instants[0], instants[-1]), start, method="Radau", t_eval=instants, rtol=1e-10, atol=scale)
+    assert found.success
+    return found.y.T
+
+
+@pytest.mark.parametrize(("keys", "sign"), [({}, 1), ({"leakage": "0.02 L/min/bar"}, 1), ({"air": "2 %"}, 1), ({}, -1)])
+@pytest.mark.parametrize("method", ["gbs", "seulex", "rkf45", "msbdf"])
+def test_against_scipy(keys: dict[str, Any], sign: int, method: str) -> None:
+    """Up an incline: the valve opens, one way or the other, shuts, and the mass rings on the oil."""
+    slope = math.sin(0.4)
+    scene = machine(f"{sign}*(0.5*step(time - 0.02 s) - 0.5*step(time - 0.12 s))", inclined=0.4, pressures=["60 bar", "20 bar"], **keys)
+    run = linkdyn.Scene(scene).forward(method=method, rtol=1e-9, want="all")
+    assert run.attrs["stopped"] == ""
+    t = run.time.values
+    y = np.array([0.8, 0.0, 60e5, 20e5])
+    leakage = 0.02e-3 / 60 / 1e5 if "leakage" in keys else 0.0
+    rows = [y[np.newaxis]]
+    for first, last, u in ((0, 20, 0.0), (20, 120, 0.5 * sign), (120, 200, 0.0)):
+        part = reference(lambda _, u=u: u, y, t[first : last + 1], slope=slope, air=0.02 if "air" in keys else 0.0, leakage=leakage)
+        rows.append(part[1:])
+        y = part[-1]
+    exact = np.concatenate(rows)
+    # tolerances of 1e-9 a step, over some hundred steps; forces are differences of pressures by area
+    np.testing.assert_allclose(run.q.values[:, 0], exact[:, 0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.qd.values[:, 0], exact[:, 1], rtol=0, atol=2e-6)
+    np.testing.assert_allclose(run.cylinder_pressure.values[:, 0, :], exact[:, 2:], rtol=0, atol=2e2)
+    force = exact[:, 2] * AREA[0] - exact[:, 3] * AREA[1]
+    np.testing.assert_allclose(run.driving_force.values[:, 0], force, rtol=0, atol=2.0)
+    assert run.cylinder_pressure.attrs["units"] == "Pa" and run.cylinder_flow.attrs["units"] == "m3/s"
+    assert list(run.chamber.values) == ["head", "rod"] and list(run.cylinder.values) == ["A"]
+
+
+def test_natural_frequency() -> None:
+    """With the valve shut, small oscillations about the equilibrium have the frequency of the oil's springs."""
+    middle = 0.85
+    scene = machine(0.0, start=middle + 2e-5, end=0.5, samples=2001, pressures=[40e5, 40e5 * AREA[0] / AREA[1]])
+    scene["spring"] = []
+    scene["coordinate"][0]["start"]["position"] = middle
+    scene["coordinate"][0]["start"]["velocity"] = 2e-4
+    run = linkdyn.Scene(scene).forward(method="gbs", rtol=1e-10)
+    volumes = (DEAD[0] + AREA[0] * (middle - SHORT), DEAD[1] + AREA[1] * (LONG - middle))
+    omega = math.sqrt(BETA * (AREA[0] ** 2 / volumes[0] + AREA[1] ** 2 / volumes[1]) / M)
+    expected = middle + 2e-4 / omega * np.sin(omega * run.time.values)
+    # amplitude 1.5 um: of the third order are (amplitude/length of oil)^2 over all the periods
+    np.testing.assert_allclose(run.q.values[:, 0], expected, rtol=0, atol=2e-4 * 2e-4 / omega)
+
+
+def test_begins_in_equilibrium() -> None:
+    """Without a word about pressures a mass hangs at rest on its oil, and stays there."""
+    run = linkdyn.Scene(machine(0.0, inclined=math.pi / 2, end=0.1)).forward()
+    np.testing.assert_allclose(run.q.values, 0.8, rtol=0, atol=1e-9)
+    a, b = run.cylinder_pressure.values[0, 0]
+    assert a * AREA[0] - b * AREA[1] == pytest.approx(M * 9.81, rel=1e-9)
+    assert a + b == pytest.approx(SUPPLY + TANK)
+
+
+@pytest.mark.parametrize("opening", [0.3, -0.3])
+def test_steady_speed(opening: float) -> None:
+    """Speed at which the flows over both edges fit the areas, under the load: out of the orifice formula."""
+    scene = machine(opening, start=0.7 if opening > 0 else 1.0, end=0.6, inclined=math.pi / 2)
+    run = linkdyn.Scene(scene).forward()
+    v, (a, b) = run.qd.values[-1, 0], run.cylinder_pressure.values[-1, 0]
+    load = M * 9.81 + 400 * v
+    gain = FLOW / math.sqrt(DROP)
+    # p_a A_a - p_b A_b = load, with A v = u K sqrt(drop) at each edge
+    if opening > 0:
+        speed = opening * gain * math.sqrt((SUPPLY * AREA[0] - TANK * AREA[1] - load) / (AREA[0] ** 3 + AREA[1] ** 3))
+    else:
+        speed = opening * gain * math.sqrt((load - TANK * AREA[0] + SUPPLY * AREA[1]) / (AREA[0] ** 3 + AREA[1] ** 3))
+    # the edges' flow differs from a root by (laminar drop/drop)^2/4
+    assert v == pytest.approx(speed, rel=2e-3)
+    np.testing.assert_allclose(run.cylinder_flow.values[-1, 0], [AREA[0] * v, -AREA[1] * v], rtol=2e-3)
+    assert a * AREA[0] - b * AREA[1] == pytest.approx(load, rel=1e-3)
+
+
+def test_balance_of_power() -> None:
+    """What flows in under pressure is the work of the piston, what is stored in the oil, and what leaks."""
+    run = linkdyn.Scene(machine("0.6*sin(40 rad/s*time)", end=0.3, samples=6001, inclined=0.4, leakage="0.05 L/min/bar")).forward(method="seulex", rtol=1e-10, want="all")
+    p, q, t, s = run.cylinder_pressure.values[:, 0], run.cylinder_flow.values[:, 0], run.time.values, run.q.values[:, 0]
+    volume = np.stack([DEAD[0] + AREA[0] * (s - SHORT), DEAD[1] + AREA[1] * (LONG - s)], axis=1)
+    leak = 0.05e-3 / 60 / 1e5 * (p[:, 0] - p[:, 1]) ** 2
+    inflow = (p * q).sum(axis=1)
+    # compression: V/B p dp in each chamber
+    stored = np.concatenate([[0], np.cumsum((0.5 * (volume * p)[1:] + 0.5 * (volume * p)[:-1]) * np.diff(p, axis=0) / BETA, axis=0).sum(axis=1)])
+    gained = np.concatenate([[0], np.cumsum(0.5 * (inflow - leak)[1:] * np.diff(t) + 0.5 * (inflow - leak)[:-1] * np.diff(t))])
+    # trapezoidal rule of 50 us on an oscillation of some hundred rad/s: parts in 1e5
+    np.testing.assert_allclose(run.work.values + stored, gained, rtol=0, atol=3e-5 * np.abs(gained).max())
+    assert np.abs(stored).max() > 1.0
+    # and on the other side the work is what mass, height and damper take
+    np.testing.assert_allclose(run.power_imbalance.values, 0, atol=1e-9)
+
+
+def test_mirrored() -> None:
+    """A cylinder the other way round: the slide grows while the rod goes in."""
+    one = linkdyn.Scene(machine()).forward()
+    scene = machine(start=-0.8, stroke=[-SHORT, -LONG])
+    other = linkdyn.Scene(scene).forward()
+    np.testing.assert_allclose(other.q.values, -one.q.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(other.cylinder_pressure.values, one.cylinder_pressure.values, rtol=0, atol=10)
+
+
+def test_by_record_as_on_lanes() -> None:
+    """The record's rates lead where the lanes' do."""
+    scene = linkdyn.Scene(machine(end=0.1))
+    one, other = scene.forward(rates="record"), scene.forward(rates="lanes")
+    np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=10)
