@@ -277,8 +277,7 @@ contains
 
         text = ""
         if (.not. actuator%cylinder%is_given) return
-        text = ", cylinder of "//to_text(1.0e6_wp*actuator%cylinder%area(1))//" and " &
-               //to_text(1.0e6_wp*actuator%cylinder%area(2))//" mm2"
+        text = ", a hydraulic cylinder"
         if (actuator%drive%side == side_opening) text = text//", whose pressures are states of forward runs"
     end function cylinder_in_words
 

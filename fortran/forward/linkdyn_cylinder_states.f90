@@ -2,7 +2,7 @@
 !>
 !> In y pressures stand in parts of the supply's, so that tolerances of the steps mean the same as of other states.
 module linkdyn_cylinder_states
-    use linkdyn_cylinder_laws, only: cylinder_force, valve_flows, pressure_rates, is_possible
+    use linkdyn_cylinder_laws, only: cylinder_force, valve_flows, pressure_rates, is_within_stroke, is_pressed
     use linkdyn_forward_record, only: forward_record
     use linkdyn_forward_state, only: state_layout
     use linkdyn_equations, only: equation_workspace
@@ -21,8 +21,9 @@ module linkdyn_cylinder_states
         real(wp), allocatable :: pressure(:, :, :)     !! (lane, chamber, n_actuator) [Pa]
         real(wp), allocatable :: flow(:, :, :)         !! through the valve into chambers (lane, chamber, n_actuator) [m3/s]
         real(wp), allocatable :: rate(:, :, :)         !! of pressures (lane, chamber, n_actuator) [Pa/s]
-        integer :: impossible(lanes) = 0               !! a cylinder with a chamber without volume, or with oil torn apart; 0: none
+        integer :: impossible(lanes) = 0               !! a cylinder beyond its stroke, or with oil torn apart; 0: none
         integer :: culprit = 0                         !! the last one of these since it was set to zero; 0: none
+        logical :: is_torn = .false.                   !! it was its oil; else its stroke
     end type cylinder_states
 
 contains
@@ -98,9 +99,10 @@ contains
             cylinders%flow(lane, :, i) = flow
             cylinders%rate(lane, :, i) = pressure_rates(cylinder, flow, pressure, place, speed)
             effort = cylinder_force(cylinder, pressure)
-            if (is_possible(cylinder, pressure, place)) return
+            if (is_within_stroke(cylinder, place) .and. is_pressed(pressure)) return
             cylinders%impossible(lane) = i
             cylinders%culprit = i
+            cylinders%is_torn = is_within_stroke(cylinder, place)
         end associate
     end subroutine drive
 

@@ -1,6 +1,6 @@
 !> Pressures at the start of a run: those that the scene gives, or those that hold the mechanism where it is.
 submodule (linkdyn_forward_system) linkdyn_forward_cylinders
-    use linkdyn_cylinder_laws, only: holding_pressures, chamber_volumes
+    use linkdyn_cylinder_laws, only: holding_pressures, is_within_stroke
     use linkdyn_cylinder_states, only: put_pressures
     use linkdyn_holding_forces, only: holding_forces, plan_holding_forces, find_holding_forces, free_holding_forces
     use linkdyn_joint_rates, only: measure_variable
@@ -119,10 +119,11 @@ contains
                 call measure_variable(self%model, self%look, actuator%joint, actuator%variable, spread(0.0_wp, 1, lanes), &
                                       place, speed)
                 do lane = 1, lanes
-                    if (all(chamber_volumes(actuator%cylinder, place(lane)) > 0)) cycle
+                    if (is_within_stroke(actuator%cylinder, place(lane))) cycle
                     call fail(status, status_bad_input, "actuator "//quoted(actuator%name)//", cylinder: it starts at " &
-                              //to_text(place(lane))//" m, where a chamber has no volume (expected a start within the stroke " &
-                              //"from "//to_text(actuator%cylinder%stroke(1))//" to "//to_text(actuator%cylinder%stroke(2))//" m)")
+                              //to_text(place(lane))//" m, which is not within the stroke (expected " &
+                              //"a start from "//to_text(actuator%cylinder%stroke(1))//" to " &
+                              //to_text(actuator%cylinder%stroke(2))//" m)")
                 end do
             end associate
         end do

@@ -2,6 +2,7 @@
 module linkdyn_forward_words
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
+    use linkdyn_cylinder_states, only: cylinder_states
     use linkdyn_exchange, only: choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_run, only: forward_run
@@ -111,7 +112,7 @@ contains
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
         else if (run%system%cylinders%culprit > 0) then
-            reason = reason//torn_in_words(run%system%cylinders%culprit, run%model)
+            reason = reason//end_of_cylinder(run%system%cylinders, run%model)
         else
             select case (run%integrator%reason)
             case (stop_growth)
@@ -141,15 +142,20 @@ contains
         end if
     end function reason_of_stop
 
-    !> What a cylinder cannot be.
-    function torn_in_words(i, model) result(text)
-        integer, intent(in) :: i                       !! its actuator
+    !> What a cylinder cannot do.
+    function end_of_cylinder(cylinders, model) result(text)
+        type(cylinder_states), intent(in) :: cylinders
         type(model_type), intent(in) :: model
         character(len=:), allocatable :: text
 
-        text = "cylinder of actuator "//quoted(model%scene%actuator(i)%name)//": a chamber has no volume left, or its oil would " &
-               //"have to pull (expected end stops within the stroke; 'air' in the oil, which then fills the chamber)"
-    end function torn_in_words
+        text = "the cylinder of actuator "//quoted(model%scene%actuator(cylinders%culprit)%name)
+        if (cylinders%is_torn) then
+            text = text//" would pull at the oil of a chamber, which tears (expected 'air' in the oil, which then fills the " &
+                   //"chamber)"
+        else
+            text = text//" has come to an end of its stroke (expected an end stop there)"
+        end if
+    end function end_of_cylinder
 
     !> Has a controller nothing to put out, where the mechanism itself could go on?
     pure logical function has_blind_controller(run)

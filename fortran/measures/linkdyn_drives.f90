@@ -13,8 +13,8 @@ module linkdyn_drives
 
 contains
 
-    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to one;
-    !> valves open alike.
+    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to
+    !> one; valves open alike.
     pure real(wp) function effort_scale(model, i) result(scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i

@@ -1,8 +1,8 @@
 !> What oil does in a hydraulic cylinder: flow over the edges of its valve, and how fast the pressures of its chambers change by it.
 !>
-!> An edge lets Q = K d/(d^2 + d0^2)^(1/4) through at the drop d, which is K sqrt(d) but for small drops, where flow goes with the drop,
-!> as in a slit: a root would have no slope there. Of the four edges two are open, as far as the valve is: supply to head and rod
-!> chamber to tank, or the other way round.
+!> An edge lets Q = K d/(d^2 + d0^2)^(1/4) through at the drop d, which is K sqrt(d) but for small drops, where flow goes with the
+!> drop, as in a slit: a root would have no slope there. Of the four edges two are open, as far as the valve is: supply to head and
+!> rod chamber to tank, or the other way round.
 !>
 !> A chamber of the volume V that takes in Q while its piston leaves it room at the rate A v changes its pressure by
 !> p' = B/V (Q - A v). B is the oil's bulk modulus, or less where air is in it, which gives way the more the lower the pressure is:
@@ -12,7 +12,7 @@ module linkdyn_cylinder_laws
     use linkdyn_scene, only: cylinder_spec
     implicit none (type, external)
     private
-    public :: chamber_volumes, cylinder_force, valve_flows, pressure_rates, holding_pressures, oil_stiffness, is_possible
+    public :: cylinder_force, valve_flows, pressure_rates, holding_pressures, oil_stiffness, is_within_stroke, is_pressed
 
     real(wp), parameter :: atmosphere = 101325         !! [Pa]
     real(wp), parameter :: adiabatic = 1.4_wp          !! exponent n of air that is compressed quickly
@@ -110,8 +110,8 @@ contains
         modulus = (oil + air)/(oil/cylinder%bulk_modulus + air/(adiabatic*(atmosphere + pressure)))
     end function modulus
 
-    !> Pressures by which a cylinder gives a force while its valve is shut: as far above the tank's on one side as below the supply's
-    !> on the other. A valve that leaks alike over its edges leads there.
+    !> Pressures by which a cylinder gives a force while its valve is shut: as far above the tank's on one side as below the
+    !> supply's on the other. A valve that leaks alike over its edges leads there.
     pure function holding_pressures(cylinder, force) result(pressure)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: force                  !! up along the joint variable [N]
@@ -132,12 +132,21 @@ contains
         stiffness = sum(modulus(cylinder, pressure)*cylinder%area**2/chamber_volumes(cylinder, place))
     end function oil_stiffness
 
-    !> Has each chamber a volume, and oil that is pressed, not torn?
-    pure logical function is_possible(cylinder, pressure, place) result(is)
+    !> Has the piston not gone through an end of the cylinder? Stops there let it get a little beyond, by errors of steps.
+    pure logical function is_within_stroke(cylinder, place) result(is)
         type(cylinder_spec), intent(in) :: cylinder
-        real(wp), intent(in) :: pressure(2)            !! [Pa]
         real(wp), intent(in) :: place                  !! of the joint variable [m]
+        real(wp), parameter :: slack = 1.0e-3_wp       !! part of the stroke
 
-        is = all(chamber_volumes(cylinder, place) > 0) .and. all(pressure > -atmosphere)
-    end function is_possible
+        associate (ends => cylinder%stroke, give => slack*abs(cylinder%stroke(2) - cylinder%stroke(1)))
+            is = place >= minval(ends) - give .and. place <= maxval(ends) + give .and. all(chamber_volumes(cylinder, place) > 0)
+        end associate
+    end function is_within_stroke
+
+    !> Is the oil of each chamber pressed, not torn?
+    pure logical function is_pressed(pressure) result(is)
+        real(wp), intent(in) :: pressure(2)            !! [Pa]
+
+        is = all(pressure > -atmosphere)
+    end function is_pressed
 end module linkdyn_cylinder_laws

@@ -1,7 +1,7 @@
 !> The key `cylinder` of an actuator: a hydraulic cylinder and its valve.
 module linkdyn_scene_cylinders
     use linkdyn_constants, only: pi
-    use linkdyn_cylinder_laws, only: chamber_volumes
+    use linkdyn_cylinder_laws, only: is_within_stroke
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, cylinder_spec, measure_joint
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
@@ -154,7 +154,7 @@ contains
         end if
     end subroutine require_given
 
-    !> No stop may lie where a chamber has no volume left.
+    !> No stop of a cylinder's slide may lie beyond its stroke.
     subroutine check_cylinders(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(in) :: scene
@@ -184,9 +184,10 @@ contains
                 if (measure%kind /= measure_joint .or. measure%is_rate) return
                 if (measure%joint /= actuator%joint .or. measure%variable /= actuator%variable) return
             end associate
-            if (all(chamber_volumes(actuator%cylinder, stop%bound) > 0)) return
-            call refuse(place, "stop "//quoted(stop%name)//" at "//to_text(stop%bound)//" m lies where a chamber has no volume "// &
-                "left (expected it within the stroke)", status)
+            if (is_within_stroke(actuator%cylinder, stop%bound)) return
+            call refuse(place, "stop "//quoted(stop%name)//" at "//to_text(stop%bound)//" m is not within the stroke "// &
+                "(expected a place from "//to_text(actuator%cylinder%stroke(1))//" to "// &
+                to_text(actuator%cylinder%stroke(2))//" m)", status)
         end associate
     end subroutine check_stop
 end module linkdyn_scene_cylinders

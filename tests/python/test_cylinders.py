@@ -78,14 +78,14 @@ def reference(opening: Any, start: np.ndarray, instants: np.ndarray, *, slope: f
 def test_against_scipy(keys: dict[str, Any], sign: int, method: str) -> None:
     """Up an incline: the valve opens, one way or the other, shuts, and the mass rings on the oil."""
     slope = math.sin(0.4)
-    scene = machine(f"{sign}*(0.5*step(time - 0.02 s) - 0.5*step(time - 0.12 s))", inclined=0.4, pressures=["60 bar", "20 bar"], **keys)
+    scene = machine(f"{sign}*(0.3*step(time - 0.02 s) - 0.3*step(time - 0.12 s))", inclined=0.4, pressures=["60 bar", "20 bar"], **keys)
     run = linkdyn.Scene(scene).forward(method=method, rtol=1e-9, want="all")
     assert run.attrs["stopped"] == ""
     t = run.time.values
     y = np.array([0.8, 0.0, 60e5, 20e5])
     leakage = 0.02e-3 / 60 / 1e5 if "leakage" in keys else 0.0
     rows = [y[np.newaxis]]
-    for first, last, u in ((0, 20, 0.0), (20, 120, 0.5 * sign), (120, 200, 0.0)):
+    for first, last, u in ((0, 20, 0.0), (20, 120, 0.3 * sign), (120, 200, 0.0)):
         part = reference(lambda _, u=u: u, y, t[first : last + 1], slope=slope, air=0.02 if "air" in keys else 0.0, leakage=leakage)
         rows.append(part[1:])
         y = part[-1]
@@ -172,6 +172,6 @@ def test_mirrored() -> None:
 def test_by_record_as_on_lanes() -> None:
     """The record's rates lead where the lanes' do."""
     scene = linkdyn.Scene(machine(end=0.1))
-    one, other = scene.forward(rates="record"), scene.forward(rates="lanes")
+    one, other = scene.forward(), scene.forward(solver="lapack")
     np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
     np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=10)
