@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ENDS = {"fourbar_start": 0.5, "andrews": 0.02, "stewart_forward": 0.2, "spatial_slider_crank": 0.3, "valve_train": 0.004, "hoist": 0.3, "fivebar_pick": 0.1,
+ENDS = {"fourbar_start": 0.5, "andrews": 0.02, "stewart_forward": 0.2, "spatial_slider_crank": 0.3, "valve_train": 0.004, "hoist": 0.3, "loader_crane": 0.7, "fivebar_pick": 0.1,
         "hill_start": 1.0, "agile_eye": 0.3, "knuckle_press": 0.1}  # fmt: skip
 """Closed forms, forces of a motion, legs, groups closed by iteration, cams, lossy motors, controllers, clutches, redundancy, friction [s]."""
 
