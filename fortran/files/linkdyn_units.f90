@@ -84,7 +84,7 @@ module linkdyn_units
     type(quantity_type), parameter :: flow_per_pressure = &
         quantity_type("a flow over a pressure", "0.02 L/min/bar", "m3/s/Pa", [-1, 4, 1, 0, 0])
     type(quantity_type), parameter :: valve_opening = &
-        quantity_type("an opening, from -1 to 1,", "0.4", "1", [0, 0, 0, 0, 0])
+        quantity_type("an opening from -1 to 1", "0.4", "1", [0, 0, 0, 0, 0])
     type(quantity_type), parameter :: wattage = &
         quantity_type("a power", "2 kW", "W", [1, 2, -3, 0, 0])
     type(quantity_type), parameter :: voltage = &

@@ -84,7 +84,7 @@ contains
         if (.not. found) call refuse_missing(place, "dead_volumes", "what oil stays in head and rod chamber at their ends, "// &
             "lines to the valve with it, for example ['0.2 L', '0.2 L']", status)
         if (status%is_ok() .and. .not. all(cylinder%dead_volume > 0)) call refuse_value(place, "dead_volumes", &
-            place%node%get("dead_volumes"), "are not both above zero (expected some oil in each chamber at its end)", status)
+            place%node%get("dead_volumes"), "leaves a chamber without oil at its end (expected two volumes above zero)", status)
     end subroutine read_chambers
 
     subroutine read_oil(place, cylinder, status)
@@ -129,9 +129,9 @@ contains
         inner = place_at(place, node, trim(place%what)//", valve")
         call require_table(inner, "a table, { flow = '60 L/min', drop = '35 bar' }", status)
         call allow_keys(inner, [character(len=12) :: "flow", "drop", "laminar_drop"], status)
-        call require_given(inner, "flow", volume_flow, "over an edge that is wide open, for example '60 L/min'", &
+        call require_given(inner, "flow", volume_flow, "the flow over an edge that is wide open, for example '60 L/min'", &
                            cylinder%flow, status)
-        call require_given(inner, "drop", fluid_pressure, "of the pressure over that edge at that flow, for example '35 bar'", &
+        call require_given(inner, "drop", fluid_pressure, "the pressure drop over that edge at that flow, for example '35 bar'", &
                            cylinder%drop, status)
         call read_positive(inner, "laminar_drop", fluid_pressure, "Pa", cylinder%laminar_drop, status)
     end subroutine read_valve

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.accuracy
 M, BORE, ROD, DEAD, BETA, SUPPLY, TANK, FLOW, DROP, LAMINAR = 900.0, 0.08, 0.045, (2e-4, 3e-4), 1.4e9, 180e5, 4e5, 1e-3, 35e5, 1e5
 AREA = (math.pi / 4 * BORE**2, math.pi / 4 * (BORE**2 - ROD**2))
 SHORT, LONG = 0.6, 1.1
+CRANE = Path(__file__).parents[2] / "examples" / "loader_crane" / "scene.toml"
 KEYS = {
     "bore": BORE, "rod": ROD, "stroke": [SHORT, LONG], "dead_volumes": [*DEAD], "bulk_modulus": "1.4 GPa", "supply": "180 bar", "tank": "4 bar",
     "valve": {"flow": "60 L/min", "drop": "35 bar"},
@@ -175,3 +176,124 @@ def test_by_record_as_on_lanes() -> None:
     one, other = scene.forward(), scene.forward(solver="lapack")
     np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
     np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=10)
+
+
+def test_record_of_a_crane_as_on_lanes() -> None:
+    """A cylinder that is no coordinate, between two moving hinges, through impacts on nothing: the record's rates lead where the lanes' do."""
+    scene = linkdyn.load(CRANE)
+    t = np.linspace(0, 1.5, 16)
+    one, other = scene.forward(t=t, rtol=1e-10), scene.forward(t=t, rtol=1e-10, solver="lapack")
+    np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=100)
+
+
+def test_work_of_a_crane() -> None:
+    """The cylinder's work is what boom, load and cylinder gain, but for the air that all of them lack."""
+    run = linkdyn.load(CRANE).forward(want="all")
+    assert run.attrs["stopped"] == "" and (run.status == 0).all()
+    energy = run.kinetic_energy.values + run.potential_energy.values
+    np.testing.assert_allclose(energy - energy[0], run.work.values, rtol=0, atol=1e-6 * np.abs(run.work.values).max())
+    area = np.pi / 4 * np.array([0.08**2, 0.08**2 - 0.05**2])
+    np.testing.assert_allclose(run.cylinder_pressure.values[:, 0] @ [area[0], -area[1]], run.driving_force.values[:, 0], rtol=1e-12, atol=1e-6)
+
+
+def test_inverse_dynamics_asks_for_the_same_force() -> None:
+    """A motion's pressures by inverse dynamics, and a run that has that motion by a table of the opening its flow asks for."""
+    scene = machine(end=0.5, samples=501)
+    scene["coordinate"][0] |= {"motion": {"law": "polynomial-345", "from": 0.8, "to": 0.9, "duration": "0.5 s"}}
+    loaded = linkdyn.Scene(scene)
+    run = loaded.inverse()
+    found, by_keys = run.linkdyn.cylinder("A"), cycle.cylinder(run, "A", bore=BORE, rod=ROD, supply=SUPPLY, tank=TANK)
+    for name in ("head_pressure", "rod_pressure", "head_flow", "rod_flow"):
+        np.testing.assert_allclose(found[name].values, by_keys[name].values, rtol=1e-12)
+    np.testing.assert_allclose(found.head_pressure * AREA[0] - found.rod_pressure * AREA[1], run.driving_force.values[:, 0], atol=1e-6)
+    with pytest.raises(linkdyn.LinkdynError, match="no cylinder at 'A'"):
+        cycle.cylinder(run, "A", linkdyn.Scene(machine() | {"actuator": [{"joint": "A"}]}))
+
+
+def test_controller_at_the_valve() -> None:
+    """A position loop on the valve: it comes to its target, its output within -1 to 1 without a word."""
+    scene = machine(end=2.0)
+    scene["actuator"][0].pop("law")
+    scene["controller"] = [{"actuator": "A", "at": "valve", "target": "0.95 m", "kp": "20 1/m"}]
+    run = linkdyn.Scene(scene).forward()
+    assert run.q.values[-1, 0] == pytest.approx(0.95, abs=1e-5)
+    assert run.controller_output.values[0, 0] == 1.0 and run.controller_output.attrs["units"] == "1"
+    with pytest.raises(linkdyn.LinkdynError, match="no cylinder"):
+        scene["actuator"][0].pop("cylinder")
+        linkdyn.Scene(scene)
+
+
+def test_ends_of_the_stroke() -> None:
+    """Against a stop the head takes the supply's pressure; without one the run ends there, and says so."""
+    scene = machine(1, end=2.0)
+    run = linkdyn.Scene(scene).forward()
+    assert "'A' has come to an end of its stroke" in run.attrs["stopped"]
+    scene["stop"] = [{"name": "end", "joint": "A", "max": LONG, "restitution": 0}]
+    run = linkdyn.Scene(scene).forward()
+    assert run.attrs["stopped"] == ""
+    assert run.q.values[-1, 0] == pytest.approx(LONG, abs=1e-9)
+    np.testing.assert_allclose(run.cylinder_pressure.values[-1, 0], [SUPPLY, TANK], atol=1)
+
+
+def test_oil_does_not_pull() -> None:
+    """A valve shut too quickly draws the oil of a chamber apart: the run ends there, but for the air that fills it."""
+    scene = machine("step(time - 0.02 s) - step(time - 0.12 s)", inclined=0.4)
+    assert "would pull at the oil" in linkdyn.Scene(scene).forward().attrs["stopped"]
+    scene["actuator"][0]["cylinder"]["air"] = 1e-3
+    run = linkdyn.Scene(scene).forward()
+    assert run.attrs["stopped"] == "" and -101325 < run.cylinder_pressure.values.min() < 0
+
+
+@pytest.mark.parametrize(("scene", "told"), [
+    (machine(start=0.2), "it starts at 0.2 m, which is not within the stroke"),
+    (machine(inclined=1.5, supply="10 bar"), "which pressures between tank and supply do not give"),
+    (machine() | {"actuator": [{"joint": "A", "law": {"type": "valve", "value": 0}, "cylinder": KEYS}, {"joint": "A", "name": "aid"}]}, "what holds the start cannot be told"),
+])  # fmt: skip
+def test_starts_that_are_none(scene: dict[str, Any], told: str) -> None:
+    with pytest.raises(linkdyn.LinkdynError, match=told):
+        linkdyn.Scene(scene).forward()
+
+
+def test_simulator() -> None:
+    """Openings in place of forces; pressures are told, set, and part of the state."""
+    scene = linkdyn.Scene(machine(0.0, pressures=["60 bar", "20 bar"]))
+    run = linkdyn.Scene(machine(0.4, end=0.05, samples=2, pressures=["60 bar", "20 bar"])).forward()
+    with scene.simulator() as simulator:
+        np.testing.assert_allclose(simulator.pressure, [[60e5, 20e5]])
+        simulator.step(0.05, [0.4])
+        assert simulator.q[0] == pytest.approx(run.q.values[-1, 0], abs=1e-8)
+        np.testing.assert_allclose(simulator.pressure, run.cylinder_pressure.values[-1], atol=20)
+        state = simulator.state
+        simulator.step(0.02, [-0.3])
+        there = simulator.pressure
+        simulator.state = state
+        simulator.step(0.02, [-0.3])
+        np.testing.assert_array_equal(simulator.pressure, there)
+        simulator.reset(pressure=[[10e5, 15e5]])
+        np.testing.assert_allclose(simulator.pressure, [[10e5, 15e5]])
+        simulator.reset()
+        np.testing.assert_allclose(simulator.pressure, [[60e5, 20e5]])
+        with pytest.raises(linkdyn.LinkdynError, match="pressure"):
+            simulator.reset(pressure=[1e5, 2e5])
+
+
+def test_ensemble() -> None:
+    """Members hold their own starts, and move as single runs do."""
+    t = np.linspace(0, 0.05, 6)
+    starts = np.array([[0.7], [0.8], [0.95]])
+    found = linkdyn.Scene(machine(0.3, inclined=0.4)).ensemble(starts, np.zeros((3, 1)), t, step=2e-5)
+    for k, (start,) in enumerate(starts):
+        run = linkdyn.Scene(machine(0.3, inclined=0.4, start=start)).forward(t=t)
+        # of the fourth order in the step, times 250 rad/s: parts in 1e11
+        np.testing.assert_allclose(found.q.values[k, :, 0], run.q.values[:, 0], rtol=0, atol=1e-9)
+
+
+def test_builder_and_words() -> None:
+    """The builder takes the table and its law as the file does."""
+    builder = linkdyn.Builder("oil", space="planar", gravity=[0, -9.81])
+    assert efforts.valve(0.4) == {"type": "valve", "value": 0.4}
+    scene = linkdyn.Scene(machine())
+    assert [cylinder["name"] for cylinder in scene.description["cylinders"]] == ["A"]
+    assert "hydraulic cylinder" in scene.explain()
+    assert builder is not None
