@@ -1,5 +1,5 @@
-!> Driving forces that hold a mechanism where it is, at rest: against its weight and its springs, and against loads, if that is
-!> wanted. What controllers with the feed-forward "gravity" add, and by what cylinders begin.
+!> Driving forces that hold a mechanism where it is, at rest: against its weight and its springs, not against loads. What controllers
+!> with the feed-forward "gravity" add.
 module linkdyn_holding_forces
     use linkdyn_carried_assembly, only: carried_assembly, evaluate_assembled
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
@@ -9,7 +9,6 @@ module linkdyn_holding_forces
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: lane_loads
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -40,7 +39,7 @@ contains
     end subroutine plan_holding_forces
 
     !> Forces at the places of states, whatever their velocities.
-    subroutine find_holding_forces(model, layout, t, y, turns, assembly, holding, with_loads)
+    subroutine find_holding_forces(model, layout, t, y, turns, assembly, holding)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t(lanes)               !! [s]
@@ -48,16 +47,12 @@ contains
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
         type(carried_assembly), intent(inout) :: assembly
         type(holding_forces), intent(inout) :: holding
-        logical, intent(in), optional :: with_loads    !! absent: against none
 
         associate (workspace => holding%workspace)
             call unpack_state(model, layout, t, y, turns, workspace%state)
             workspace%state%qd = 0
             workspace%state%qdd = 0
             workspace%load = 0
-            if (present(with_loads)) then
-                if (with_loads) call lane_loads(model, t, workspace%load)
-            end if
             workspace%state%time = t
             call evaluate_assembled(model, t, assembly, workspace%state)
             call solve_equations(model, holding%equations, workspace)
