@@ -4,6 +4,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_cylinders
     use linkdyn_cylinder_states, only: put_pressures
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_rates, only: actuator_rates, measure_variable
+    use linkdyn_scene, only: n_chamber
     use linkdyn_status, only: fail, status_bad_input
     use linkdyn_text, only: quoted, to_text
     implicit none (type, external)

@@ -49,7 +49,7 @@ module linkdyn_forward_system
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
-    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller, n_chamber
+    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined

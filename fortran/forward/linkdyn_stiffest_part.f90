@@ -13,7 +13,7 @@ module linkdyn_stiffest_part
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
-        controller_spec, measure_joint, side_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber
+        controller_spec, measure_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     implicit none (type, external)

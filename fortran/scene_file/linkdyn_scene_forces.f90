@@ -5,7 +5,7 @@ module linkdyn_scene_forces
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_joint, side_torque, &
+        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_torque, &
         side_voltage, side_opening, is_at_motor, has_limits, name_len
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &

@@ -52,7 +52,7 @@ contains
                  new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("stages far ahead", test_stages_ahead), &
-                 new_test("motors elsewhere", test_motors_elsewhere), &
+                 new_test("motors elsewhere", test_motors_elsewhere), new_test("a cylinder", test_cylinder), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
 
@@ -187,6 +187,9 @@ contains
         end do
         allocate (y(lanes, system%n), by_lanes(lanes, system%n), by_record(lanes, system%n), alone(system%n))
         call fill_start(model, system%layout, q, qd, y)
+        do k = 1, model%n_actuator
+            if (system%layout%pressure(k) > 0) y(:, system%layout%pressure(k)) = 0.6_wp
+        end do
         call system%begin(t(1), y)
         call system%make_record(t(1))
         call check(error, system%may_record, name//": a record was made, and agreed with the lanes")
@@ -373,6 +376,17 @@ contains
             call compare_rates(error, trim(name(i)), model)
         end do
     end subroutine test_motors_elsewhere
+
+    !> A cylinder between two links that move, its valve half open.
+    subroutine test_cylinder(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+
+        call load_model(error, "examples/loader_crane/scene", model)
+        if (allocated(error%message)) return
+        model%scene%time%first = 1
+        call compare_rates(error, "loader_crane", model)
+    end subroutine test_cylinder
 
     !> A parallelogram through its change points: near them the lanes follow the assembly, elsewhere the record serves. It turns
     !> as a point mass would on its path, whatever the assembly, as long as it stays a parallelogram.

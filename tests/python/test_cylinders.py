@@ -170,23 +170,6 @@ def test_mirrored() -> None:
     np.testing.assert_allclose(other.cylinder_pressure.values, one.cylinder_pressure.values, rtol=0, atol=10)
 
 
-def test_by_record_as_on_lanes() -> None:
-    """The record's rates lead where the lanes' do."""
-    scene = linkdyn.Scene(machine(end=0.1))
-    one, other = scene.forward(), scene.forward(solver="lapack")
-    np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=10)
-
-
-def test_record_of_a_crane_as_on_lanes() -> None:
-    """A cylinder that is no coordinate, between two moving hinges, through impacts on nothing: the record's rates lead where the lanes' do."""
-    scene = linkdyn.load(CRANE)
-    t = np.linspace(0, 1.5, 16)
-    one, other = scene.forward(t=t, rtol=1e-10), scene.forward(t=t, rtol=1e-10, solver="lapack")
-    np.testing.assert_allclose(one.q.values, other.q.values, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(one.cylinder_pressure.values, other.cylinder_pressure.values, rtol=0, atol=100)
-
-
 def test_work_of_a_crane() -> None:
     """The cylinder's work is what boom, load and cylinder gain, but for the air that all of them lack."""
     run = linkdyn.load(CRANE).forward(want="all")
