@@ -258,6 +258,7 @@ contains
         cylinder%area = scale*cylinder%area
         cylinder%dead_volume = scale**2*cylinder%dead_volume
         cylinder%flow = scale**2*cylinder%flow
+        cylinder%conductance = scale**2*cylinder%conductance
         cylinder%leakage = scale**2*cylinder%leakage
     end subroutine scale_cylinder
 

@@ -6,7 +6,7 @@ module linkdyn_suggest
     public :: suggestion, edit_distance
 
     !> What others call a thing, and what it is called here.
-    character(len=14), parameter :: called(2, 108) = reshape([character(len=14) :: &
+    character(len=14), parameter :: called(2, 110) = reshape([character(len=14) :: &
         "hinge", "revolute", "pin", "revolute", "pivot", "revolute", "slide", "prismatic", "slider", "prismatic", &
         "linear", "prismatic", "ball", "spherical", "hooke", "universal", "cardan", "universal", "weld", "fixed", &
         "helical", "screw", "2d", "planar", "plane", "planar", "3d", "spatial", "space", "spatial", &
@@ -28,7 +28,7 @@ module linkdyn_suggest
         "sin", "harmonic", "spline", "table", "rotation", "constant-rate", "coefficient", "coulomb", "friction", "coulomb", &
         "k", "stiffness", "spring_rate", "stiffness", "free_length", "rest", "length", "rest", "i", "ratio", &
         "inertia", "rotor_inertia", "max_torque", "torque_limit", "max_current", "current_limit", "max_power", "power_limit", &
-        "until", "to", "end", "to", "p", "kp", "d", "kd"], [2, 108])
+        "until", "to", "end", "to", "p", "kp", "d", "kd", "liter", "litre", "l", "litre"], [2, 110])
 
 contains
 

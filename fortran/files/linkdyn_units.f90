@@ -78,11 +78,11 @@ module linkdyn_units
     type(quantity_type), parameter :: fluid_pressure = &
         quantity_type("a pressure", "160 bar", "Pa", [1, -1, -2, 0, 0])
     type(quantity_type), parameter :: volume = &
-        quantity_type("a volume", "0.2 L", "m3", [0, 3, 0, 0, 0])
+        quantity_type("a volume", "0.2 litre", "m3", [0, 3, 0, 0, 0])
     type(quantity_type), parameter :: volume_flow = &
-        quantity_type("a flow", "40 L/min", "m3/s", [0, 3, -1, 0, 0])
+        quantity_type("a flow", "40 litre/min", "m3/s", [0, 3, -1, 0, 0])
     type(quantity_type), parameter :: flow_per_pressure = &
-        quantity_type("a flow over a pressure", "0.02 L/min/bar", "m3/s/Pa", [-1, 4, 1, 0, 0])
+        quantity_type("a flow over a pressure", "0.02 litre/min/bar", "m3/s/Pa", [-1, 4, 1, 0, 0])
     type(quantity_type), parameter :: valve_opening = &
         quantity_type("an opening from -1 to 1", "0.4", "1", [0, 0, 0, 0, 0])
     type(quantity_type), parameter :: wattage = &
@@ -120,7 +120,7 @@ module linkdyn_units
         unit_entry("Nm", one, [1, 2, -2, 0, 0], .true.), &
         unit_entry("Pa", one, [1, -1, -2, 0, 0], .true.), &
         unit_entry("bar", 1.0e5_wp, [1, -1, -2, 0, 0], .true.), &
-        unit_entry("L", 0.001_wp, [0, 3, 0, 0, 0], .true.), &
+        unit_entry("litre", 0.001_wp, [0, 3, 0, 0, 0], .false.), &
         unit_entry("J", one, [1, 2, -2, 0, 0], .true.), &
         unit_entry("W", one, [1, 2, -3, 0, 0], .true.), &
         unit_entry("V", one, [1, 2, -3, -1, 0], .true.), &

@@ -1,6 +1,6 @@
 !> Pressures at the start of a run: those that the scene gives, or those that hold the mechanism where it is.
 submodule (linkdyn_forward_system) linkdyn_forward_cylinders
-    use linkdyn_cylinder_laws, only: holding_pressures, is_within_stroke
+    use linkdyn_cylinder_laws, only: holding_pressures, is_within_stroke, is_pressed
     use linkdyn_cylinder_states, only: put_pressures
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_rates, only: actuator_rates, measure_variable
@@ -22,7 +22,10 @@ contains
         if (.not. status%is_ok()) return
         if (present(given)) then
             do i = 1, self%model%n_actuator
-                if (self%layout%pressure(i) > 0) call put(self, i, spread(given(:, i), 1, lanes), y)
+                if (self%layout%pressure(i) == 0) cycle
+                call put(self, i, spread(given(:, i), 1, lanes), y)
+                if (.not. is_pressed(given(:, i))) call fail(status, status_bad_input, "pressure: one of actuator " &
+                    //quoted(self%model%scene%actuator(i)%name)//" is below empty space (expected them above the atmosphere's)")
             end do
         else
             has_all = .true.

@@ -1,4 +1,4 @@
-!> What oil does in a hydraulic cylinder: flow over the edges of its valve, and how fast the pressures of its chambers change by it.
+!> What oil or gas does in a cylinder: flow over the edges of its valve, and how fast the pressures of its chambers change by it.
 !>
 !> An edge lets Q = K d/(d^2 + d0^2)^(1/4) through at the drop d, which is K sqrt(d) but for small drops, where flow goes with the
 !> drop, as in a slit: a root would have no slope there. Of the four edges two are open, as far as the valve is: supply to head and
@@ -7,6 +7,11 @@
 !> A chamber of the volume V that takes in Q while its piston leaves it room at the rate A v changes its pressure by
 !> p' = B/V (Q - A v). B is the oil's bulk modulus, or less where air is in it, which gives way the more the lower the pressure is:
 !> from the volume (1 - a) exp(-p/B0) + a (p0/(p0 + p))^(1/n) that both take at the pressure p above the atmosphere's p0.
+!>
+!> Flow of gas is told in the volume that it has at the reference pressure pr of ISO 6358: an edge of the conductance C lets
+!> Q = C pu f through from the pressure pu to pd, absolute ones, f = sqrt(1 - ((pd/pu - b)/(1 - b))^2), or 1 below the critical
+!> ratio b of both. Where they are all but the same it goes with their difference, as the standard has it. A chamber of gas that
+!> changes by the polytropic exponent n has p' = n/V (pr Q - p A v): what flows in is as warm as the reference.
 module linkdyn_cylinder_laws
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: cylinder_spec
@@ -16,6 +21,8 @@ module linkdyn_cylinder_laws
 
     real(wp), parameter :: atmosphere = 101325         !! [Pa]
     real(wp), parameter :: adiabatic = 1.4_wp          !! exponent n of air that is compressed quickly
+    real(wp), parameter :: reference = 1.0e5_wp        !! pressure by which flows of gas are told [Pa]
+    real(wp), parameter :: laminar = 0.999_wp          !! ratio of pressures beyond which flows go with the difference
 
 contains
 
@@ -59,16 +66,53 @@ contains
         if (open > 1) open = 1
         if (open < -1) open = -1
         if (open >= 0) then
-            flow(1) = open*edge_flow(cylinder, cylinder%supply - pressure(1))
-            flow(2) = open*edge_flow(cylinder, cylinder%tank - pressure(2))
+            flow(1) = open*edge_flow(cylinder, cylinder%supply, pressure(1))
+            flow(2) = open*edge_flow(cylinder, cylinder%tank, pressure(2))
         else
-            flow(1) = -open*edge_flow(cylinder, cylinder%tank - pressure(1))
-            flow(2) = -open*edge_flow(cylinder, cylinder%supply - pressure(2))
+            flow(1) = -open*edge_flow(cylinder, cylinder%tank, pressure(1))
+            flow(2) = -open*edge_flow(cylinder, cylinder%supply, pressure(2))
         end if
     end function valve_flows
 
-    !> Over an edge that is wide open; its rated one at its rated drop.
-    pure real(wp) function edge_flow(cylinder, drop) result(flow)
+    !> Over an edge that is wide open, from one pressure to the other.
+    pure real(wp) function edge_flow(cylinder, from, to) result(flow)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: from, to               !! [Pa]
+
+        if (cylinder%has_gas) then
+            flow = gas_flow(cylinder, atmosphere + from, atmosphere + to)
+        else
+            flow = oil_flow(cylinder, from - to)
+        end if
+    end function edge_flow
+
+    !> Of gas, between absolute pressures.
+    pure real(wp) function gas_flow(cylinder, from, to) result(flow)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: from, to               !! [Pa]
+        real(wp) :: ratio
+
+        ratio = min(from, to)/max(from, to)
+        flow = sign(cylinder%conductance*max(from, to), from - to)
+        if (ratio > laminar) then
+            flow = flow*subsonic(laminar)*(1 - ratio)/(1 - laminar)
+        else if (ratio > cylinder%critical_ratio) then
+            flow = flow*subsonic(ratio)
+        end if
+
+    contains
+
+        pure real(wp) function subsonic(ratio)
+            real(wp), intent(in) :: ratio
+
+            associate (b => cylinder%critical_ratio)
+                subsonic = sqrt(1 - ((ratio - b)/(1 - b))**2)
+            end associate
+        end function subsonic
+    end function gas_flow
+
+    !> Of oil; the rated flow at the rated drop.
+    pure real(wp) function oil_flow(cylinder, drop) result(flow)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: drop                   !! [Pa]
 
@@ -81,7 +125,7 @@ contains
 
             slit = d/sqrt(hypot(d, cylinder%laminar_drop))
         end function slit
-    end function edge_flow
+    end function oil_flow
 
     !> Of head and rod chamber.
     pure function pressure_rates(cylinder, flow, pressure, place, speed) result(rate)
@@ -93,17 +137,22 @@ contains
         real(wp) :: swept(2), past_piston
 
         swept = direction(cylinder)*speed*[cylinder%area(1), -cylinder%area(2)]
+        if (cylinder%has_gas) then
+            rate = cylinder%exponent/chamber_volumes(cylinder, place)*(reference*flow - (atmosphere + pressure)*swept)
+            return
+        end if
         past_piston = cylinder%leakage*(pressure(1) - pressure(2))
         rate = modulus(cylinder, pressure)/chamber_volumes(cylinder, place)*(flow + [-past_piston, past_piston] - swept)
     end function pressure_rates
 
-    !> Of oil with its air at a pressure.
+    !> Of gas, or of oil with its air, at a pressure.
     elemental real(wp) function modulus(cylinder, pressure)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: pressure               !! [Pa]
         real(wp) :: oil, air
 
         modulus = cylinder%bulk_modulus
+        if (cylinder%has_gas) modulus = cylinder%exponent*(atmosphere + pressure)
         if (.not. cylinder%air > 0) return
         oil = (1 - cylinder%air)*exp(-pressure/cylinder%bulk_modulus)
         air = cylinder%air*(atmosphere/(atmosphere + pressure))**(1/adiabatic)

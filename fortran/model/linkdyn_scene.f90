@@ -305,10 +305,12 @@ module linkdyn_scene
         integer :: line = 0
     end type motor_spec
 
-    !> A hydraulic cylinder behind a slide and the valve that feeds it. Its chambers are the head, without the rod, and the rod's.
+    !> A hydraulic or pneumatic cylinder behind a slide and the valve that feeds it. Its chambers are the head, without the rod, and
+    !> the rod's.
     type :: cylinder_spec
         logical :: is_given = .false.
         real(wp) :: area(n_chamber) = 0              !! of the piston in each chamber [m2]
+        logical :: has_gas = .false.              !! in place of oil
         real(wp) :: dead_volume(n_chamber) = 0    !! of each chamber where the piston is at its end there [m3]
         real(wp) :: stroke(2) = 0                 !! joint variable with the rod in, and with it out [m]
         real(wp) :: bulk_modulus = 0              !! of the oil [Pa]
@@ -316,6 +318,9 @@ module linkdyn_scene
         real(wp) :: supply = 0, tank = 0          !! pressures above the atmosphere's [Pa]
         real(wp) :: flow = 0, drop = 0            !! of an edge of the valve that is wide open: this flow at that drop [m3/s, Pa]
         real(wp) :: laminar_drop = 1.0e5_wp       !! below about that the flow goes with the drop, not with its root [Pa]
+        real(wp) :: exponent = 0                  !! polytropic one of the gas
+        real(wp) :: conductance = 0               !! of an edge for gas that is wide open [m3/s/Pa]
+        real(wp) :: critical_ratio = 0            !! of the pressures behind and before it, below which the gas is as fast as sound
         real(wp) :: leakage = 0                   !! past the piston, over the pressure difference [m3/s/Pa]
         logical :: has_start = .false.
         real(wp) :: start(n_chamber) = 0          !! pressures at the start of a forward run [Pa]

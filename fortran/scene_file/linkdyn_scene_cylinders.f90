@@ -1,7 +1,7 @@
-!> The key `cylinder` of an actuator: a hydraulic cylinder and its valve.
+!> The key `cylinder` of an actuator: a hydraulic or pneumatic cylinder and its valve.
 module linkdyn_scene_cylinders
     use linkdyn_constants, only: pi
-    use linkdyn_cylinder_laws, only: is_within_stroke
+    use linkdyn_cylinder_laws, only: is_within_stroke, is_pressed
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, cylinder_spec, measure_joint
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
@@ -16,7 +16,7 @@ module linkdyn_scene_cylinders
     public :: read_cylinder, check_cylinders
 
     character(len=13), parameter :: cylinder_key(*) = [character(len=13) :: "bore", "rod", "through_rod", "stroke", &
-        "dead_volumes", "bulk_modulus", "air", "supply", "tank", "valve", "leakage", "pressures"]
+        "dead_volumes", "bulk_modulus", "air", "gas", "supply", "tank", "valve", "leakage", "pressures"]
 
 contains
 
@@ -41,9 +41,10 @@ contains
             cylinder%line = inner%line
             call read_areas(inner, cylinder%area, status)
             call read_chambers(inner, cylinder, status)
-            call read_oil(inner, cylinder, status)
+            call read_gas(inner, cylinder, status)
+            if (.not. cylinder%has_gas) call read_oil(inner, cylinder, status)
+            call read_pressures(inner, cylinder, status)
             call read_valve(inner, cylinder, status)
-            call get_vector(inner, "pressures", fluid_pressure, cylinder%start, status, cylinder%has_start)
         end associate
     end subroutine read_cylinder
 
@@ -81,10 +82,10 @@ contains
         if (status%is_ok() .and. .not. abs(cylinder%stroke(2) - cylinder%stroke(1)) > 0) call refuse_value(place, "stroke", &
             place%node%get("stroke"), "has no length (expected the joint variable with the rod in, then with it out)", status)
         call get_vector(place, "dead_volumes", volume, cylinder%dead_volume, status, found)
-        if (.not. found) call refuse_missing(place, "dead_volumes", "what oil stays in head and rod chamber at their ends, "// &
-            "lines to the valve with it, for example ['0.2 L', '0.2 L']", status)
+        if (.not. found) call refuse_missing(place, "dead_volumes", "what stays in head and rod chamber at their ends, "// &
+            "lines to the valve with it, for example ['0.2 litre', '0.2 litre']", status)
         if (status%is_ok() .and. .not. all(cylinder%dead_volume > 0)) call refuse_value(place, "dead_volumes", &
-            place%node%get("dead_volumes"), "leaves a chamber without oil at its end (expected two volumes above zero)", status)
+            place%node%get("dead_volumes"), "leaves a chamber without volume at its end (expected two volumes above zero)", status)
     end subroutine read_chambers
 
     subroutine read_oil(place, cylinder, status)
@@ -99,6 +100,44 @@ contains
         if (status%is_ok() .and. .not. (cylinder%air >= 0 .and. cylinder%air < 1)) &
             call refuse_value(place, "air", place%node%get("air"), "= "//to_text(cylinder%air)// &
             " (expected its share of the volume, from zero on, below 1)", status)
+        call get_quantity(place, "leakage", flow_per_pressure, cylinder%leakage, status, found)
+        if (status%is_ok() .and. .not. cylinder%leakage >= 0) call refuse_value(place, "leakage", place%node%get("leakage"), &
+            "is below zero (expected a flow over a pressure, zero or more)", status)
+    end subroutine read_oil
+
+    !> A gas in place of oil.
+    subroutine read_gas(place, cylinder, status)
+        type(scene_place), intent(in) :: place
+        type(cylinder_spec), intent(inout) :: cylinder
+        type(status_type), intent(inout) :: status
+        character(len=12), parameter :: of_oil(3) = [character(len=12) :: "bulk_modulus", "air", "leakage"]
+        type(toml_node) :: node
+        type(scene_place) :: inner
+        integer :: i
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("gas")
+        cylinder%has_gas = node%is_present()
+        if (.not. cylinder%has_gas) return
+        inner = place_at(place, node, trim(place%what)//", gas")
+        call require_table(inner, "a table, { exponent = 1.3 }", status)
+        call allow_keys(inner, [character(len=8) :: "exponent"], status)
+        call require_given(inner, "exponent", plain_number, "the polytropic one, from 1 (as warm as ever) to 1.4 (quick)", &
+                           cylinder%exponent, status)
+        do i = 1, size(of_oil)
+            node = place%node%get(trim(of_oil(i)))
+            if (status%is_ok() .and. node%is_present()) call refuse_value(place, trim(of_oil(i)), node, "stands beside 'gas' "// &
+                "(expected one of them: it is said of oil)", status)
+        end do
+    end subroutine read_gas
+
+    !> Before and behind the valve, and at the start.
+    subroutine read_pressures(place, cylinder, status)
+        type(scene_place), intent(in) :: place
+        type(cylinder_spec), intent(inout) :: cylinder
+        type(status_type), intent(inout) :: status
+        logical :: found
+
         call require_given(place, "supply", fluid_pressure, "the pressure of the pump, for example '180 bar'", cylinder%supply, &
                            status)
         call get_quantity(place, "tank", fluid_pressure, cylinder%tank, status, found)
@@ -106,10 +145,10 @@ contains
             call refuse_value(place, "tank", place%node%get("tank"), "= "//to_text(cylinder%tank)// &
             " Pa (expected a pressure from zero on, below the supply's "// &
             to_text(cylinder%supply)//" Pa)", status)
-        call get_quantity(place, "leakage", flow_per_pressure, cylinder%leakage, status, found)
-        if (status%is_ok() .and. .not. cylinder%leakage >= 0) call refuse_value(place, "leakage", place%node%get("leakage"), &
-            "is below zero (expected a flow over a pressure, zero or more)", status)
-    end subroutine read_oil
+        call get_vector(place, "pressures", fluid_pressure, cylinder%start, status, cylinder%has_start)
+        if (status%is_ok() .and. cylinder%has_start .and. .not. is_pressed(cylinder%start)) call refuse_value(place, "pressures", &
+            place%node%get("pressures"), "has one below empty space (expected pressures above the atmosphere's)", status)
+    end subroutine read_pressures
 
     !> Flow over an edge that is wide open.
     subroutine read_valve(place, cylinder, status)
@@ -123,18 +162,37 @@ contains
         node = place%node%get("valve")
         if (.not. node%is_present()) then
             call refuse_missing(place, "valve", "its flow over an edge and the pressure drop there, for example "// &
-                "{ flow = '60 L/min', drop = '35 bar' }", status)
+                "{ flow = '60 litre/min', drop = '35 bar' }", status)
             return
         end if
         inner = place_at(place, node, trim(place%what)//", valve")
-        call require_table(inner, "a table, { flow = '60 L/min', drop = '35 bar' }", status)
+        call require_table(inner, "a table, { flow = '60 litre/min', drop = '35 bar' }", status)
+        if (cylinder%has_gas) then
+            call read_gas_valve(inner, cylinder, status)
+            return
+        end if
         call allow_keys(inner, [character(len=12) :: "flow", "drop", "laminar_drop"], status)
-        call require_given(inner, "flow", volume_flow, "the flow over an edge that is wide open, for example '60 L/min'", &
+        call require_given(inner, "flow", volume_flow, "the flow over an edge that is wide open, for example '60 litre/min'", &
                            cylinder%flow, status)
         call require_given(inner, "drop", fluid_pressure, "the pressure drop over that edge at that flow, for example '35 bar'", &
                            cylinder%drop, status)
         call read_positive(inner, "laminar_drop", fluid_pressure, "Pa", cylinder%laminar_drop, status)
     end subroutine read_valve
+
+    !> The same for gas, by ISO 6358.
+    subroutine read_gas_valve(place, cylinder, status)
+        type(scene_place), intent(in) :: place
+        type(cylinder_spec), intent(inout) :: cylinder
+        type(status_type), intent(inout) :: status
+
+        call allow_keys(place, [character(len=14) :: "conductance", "critical_ratio"], status)
+        call require_given(place, "conductance", flow_per_pressure, "that of an edge that is wide open, for example "// &
+                           "'2 litre/s/bar'", cylinder%conductance, status)
+        call require_given(place, "critical_ratio", plain_number, "of the pressures behind and before it, for example 0.3", &
+                           cylinder%critical_ratio, status)
+        if (status%is_ok() .and. .not. cylinder%critical_ratio < 0.9_wp) call refuse_value(place, "critical_ratio", &
+            place%node%get("critical_ratio"), "= "//to_text(cylinder%critical_ratio)//" (expected a ratio below 0.9)", status)
+    end subroutine read_gas_valve
 
     !> A quantity above zero that has to be there.
     subroutine require_given(place, key, quantity, example, value, status)

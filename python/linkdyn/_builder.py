@@ -717,7 +717,7 @@ class Builder:
         drive
             The motor behind it: ratio or lead [m], inertia [kg m^2], efficiency, ..
         cylinder
-            The hydraulic cylinder behind it, and its valve: bore, rod [m], stroke, supply [Pa], ..
+            The hydraulic or pneumatic cylinder behind it, and its valve: bore, rod [m], stroke, supply [Pa], ..
         repeat
             Copies.
         """

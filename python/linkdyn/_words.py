@@ -85,7 +85,7 @@ class Drive(TypedDict, total=False):
 
 
 class Cylinder(TypedDict, total=False):
-    """The hydraulic cylinder behind an actuator, and its valve."""
+    """The hydraulic or pneumatic cylinder behind an actuator, and its valve."""
 
     bore: Quantity
     rod: Quantity
@@ -94,6 +94,7 @@ class Cylinder(TypedDict, total=False):
     dead_volumes: Sequence[Quantity]
     bulk_modulus: Quantity
     air: Quantity
+    gas: Mapping[str, Quantity]
     supply: Quantity
     tank: Quantity
     valve: Mapping[str, Quantity]

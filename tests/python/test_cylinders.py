@@ -20,7 +20,7 @@ SHORT, LONG = 0.6, 1.1
 CRANE = Path(__file__).parents[2] / "examples" / "loader_crane" / "scene.toml"
 KEYS = {
     "bore": BORE, "rod": ROD, "stroke": [SHORT, LONG], "dead_volumes": [*DEAD], "bulk_modulus": "1.4 GPa", "supply": "180 bar", "tank": "4 bar",
-    "valve": {"flow": "60 L/min", "drop": "35 bar"},
+    "valve": {"flow": "60 litre/min", "drop": "35 bar"},
 }  # fmt: skip
 
 
@@ -74,7 +74,7 @@ def reference(opening: Any, start: np.ndarray, instants: np.ndarray, *, slope: f
     return found.y.T
 
 
-@pytest.mark.parametrize(("keys", "sign"), [({}, 1), ({"leakage": "0.02 L/min/bar"}, 1), ({"air": "2 %"}, 1), ({}, -1)])
+@pytest.mark.parametrize(("keys", "sign"), [({}, 1), ({"leakage": "0.02 litre/min/bar"}, 1), ({"air": "2 %"}, 1), ({}, -1)])
 @pytest.mark.parametrize("method", ["gbs", "seulex", "rkf45", "msbdf"])
 def test_against_scipy(keys: dict[str, Any], sign: int, method: str) -> None:
     """Up an incline: the valve opens, one way or the other, shuts, and the mass rings on the oil."""
@@ -146,7 +146,7 @@ def test_steady_speed(opening: float) -> None:
 
 def test_balance_of_power() -> None:
     """What flows in under pressure is the work of the piston, what is stored in the oil, and what leaks."""
-    run = linkdyn.Scene(machine("0.6*sin(40 rad/s*time)", end=0.3, samples=6001, inclined=0.4, leakage="0.05 L/min/bar")).forward(method="seulex", rtol=1e-10, want="all")
+    run = linkdyn.Scene(machine("0.6*sin(40 rad/s*time)", end=0.3, samples=6001, inclined=0.4, leakage="0.05 litre/min/bar")).forward(method="seulex", rtol=1e-10, want="all")
     p, q, t, s = run.cylinder_pressure.values[:, 0], run.cylinder_flow.values[:, 0], run.time.values, run.q.values[:, 0]
     volume = np.stack([DEAD[0] + AREA[0] * (s - SHORT), DEAD[1] + AREA[1] * (LONG - s)], axis=1)
     leak = 0.05e-3 / 60 / 1e5 * (p[:, 0] - p[:, 1]) ** 2
@@ -311,3 +311,94 @@ def test_builder_and_words() -> None:
     assert [cylinder["name"] for cylinder in scene.description["cylinders"]] == ["A"]
     assert "hydraulic cylinder" in scene.explain()
     assert builder is not None
+
+
+# ---------------------------------------------------------------- gas
+
+GAS = {
+    "bore": 0.063, "rod": 0.02, "stroke": [0.0, 0.4], "dead_volumes": ["40 cm^3", "60 cm^3"], "gas": {"exponent": 1.3}, "supply": "6 bar", "tank": 0,
+    "valve": {"conductance": "3 litre/s/bar", "critical_ratio": 0.35},
+}  # fmt: skip
+
+
+def pneumatic(opening: Any, *, end: float = 0.4, **keys: Any) -> dict[str, Any]:
+    """A mass of 20 kg that air pushes up an incline."""
+    scene = machine(opening, start=0.1, end=end, inclined=0.4)
+    scene["link"][0]["mass"] = 20.0
+    scene["actuator"][0]["cylinder"] = {**GAS, **keys}
+    return scene
+
+
+def edge_of_gas(first: float, last: float) -> float:
+    """Of ISO 6358, into the second from the first, absolute pressures; in the volume at 1 bar."""
+    c, b, up, down = 3e-3 / 1e5, 0.35, max(first, last), min(first, last)
+    ratio = min(down / up, 0.999)
+    shape = 1.0 if ratio <= b else math.sqrt(1 - ((ratio - b) / (1 - b)) ** 2)
+    if down / up > 0.999:
+        shape *= (1 - down / up) / 1e-3
+    return math.copysign(c * up * shape, first - last)
+
+
+@pytest.mark.parametrize("method", ["gbs", "seulex"])
+def test_gas_against_scipy(method: str) -> None:
+    """The valve opens, the other way, and shuts; masses and heat of the gas by a program of its own: m = p V^(1/n) grows as gas flows in."""
+    area = (math.pi / 4 * 0.063**2, math.pi / 4 * (0.063**2 - 0.02**2))
+    opening = ((0, 50, 0.0), (50, 150, 0.4), (150, 220, -0.5), (220, 400, 0.0))
+    scene = pneumatic("0.4*step(time - 0.05 s) - 0.9*step(time - 0.15 s) + 0.5*step(time - 0.22 s)", pressures=["1 bar", "0.6 bar"])
+    scene["time"]["samples"] = 401
+    run = linkdyn.Scene(scene).forward(method=method, rtol=1e-10)
+    assert run.attrs["stopped"] == ""
+    n, zero = 1.3, 101325.0
+
+    def volumes(s: float) -> tuple[float, float]:
+        return 40e-6 + area[0] * s, 60e-6 + area[1] * (0.4 - s)
+
+    def rates(_: float, y: np.ndarray, u: float) -> list[float]:
+        # states: place, speed, and w = p V^n of each chamber, which only flow changes: w' = n V^(n-1) pr Q
+        s, v, *w = y
+        volume = volumes(s)
+        p = [w[k] / volume[k] ** n for k in (0, 1)]
+        sides = (6e5 + zero, zero) if u >= 0 else (zero, 6e5 + zero)
+        flow = [abs(u) * edge_of_gas(sides[k], p[k]) for k in (0, 1)]
+        force = (p[0] - zero) * area[0] - (p[1] - zero) * area[1]
+        return [v, (force - 400 * v) / 20 - 9.81 * math.sin(0.4), *(n * volume[k] ** (n - 1) * 1e5 * flow[k] for k in (0, 1))]
+
+    y = np.array([0.1, 0.0, *((p + zero) * v**n for p, v in zip((1e5, 0.6e5), volumes(0.1), strict=True))])
+    exact = [y]
+    for first, last, u in opening:
+        found = solve_ivp(rates, (first / 1e3, last / 1e3), y, "Radau", np.arange(first, last + 1) / 1e3, rtol=1e-10, atol=1e-12, args=(u,))
+        exact += list(found.y.T[1:])
+        y = found.y.T[-1]
+    exact = np.array(exact)
+    np.testing.assert_allclose(run.q.values[:, 0], exact[:, 0], rtol=0, atol=2e-8)
+    for k in (0, 1):
+        volume = np.array([volumes(s)[k] for s in exact[:, 0]])
+        np.testing.assert_allclose(run.cylinder_pressure.values[:, 0, k], exact[:, 2 + k] / volume**n - zero, rtol=0, atol=1.0)
+
+
+def test_gas_that_is_as_fast_as_sound() -> None:
+    """At rest against a stop a chamber fills at a constant rate until the critical ratio: n pr C p/V."""
+    scene = pneumatic(0.2, end=0.02, pressures=[0, "6 bar"])
+    scene["coordinate"][0]["start"]["position"] = 0.0
+    scene["stop"] = [{"name": "ends", "joint": "A", "min": 0, "max": 0.4, "restitution": 0}]
+    run = linkdyn.Scene(scene).forward()
+    rate = 1.3 / 40e-6 * 1e5 * 0.2 * 3e-3 / 1e5 * (6e5 + 101325)
+    head, t = run.cylinder_pressure.values[:, 0, 0], run.time.values
+    still = (head + 101325 < 0.35 * (6e5 + 101325)) & (np.abs(run.qd.values[:, 0]) < 1e-12)
+    assert still.sum() > 5
+    np.testing.assert_allclose(head[still], rate * t[still], rtol=1e-8, atol=1e-3)
+    np.testing.assert_allclose(run.cylinder_flow.values[still, 0, 0], 0.2 * 3e-3 / 1e5 * (6e5 + 101325), rtol=1e-12)
+
+
+def test_frequency_of_gas() -> None:
+    """With the valve shut gas is a spring of n p A^2/V in each chamber."""
+    area = (math.pi / 4 * 0.063**2, math.pi / 4 * (0.063**2 - 0.02**2))
+    scene = pneumatic(0.0, end=1.0)
+    scene["spring"] = []
+    scene["coordinate"][0]["start"]["velocity"] = 1e-4
+    run = linkdyn.Scene(scene).forward(rtol=1e-11)
+    pressures = run.cylinder_pressure.values[0, 0] + 101325
+    volumes = np.array([40e-6 + area[0] * 0.1, 60e-6 + area[1] * 0.3])
+    omega = math.sqrt(1.3 * np.sum(pressures * np.square(area) / volumes) / 20)
+    # amplitude a of some um: of second order are a^2/length of gas
+    np.testing.assert_allclose(run.q.values[:, 0], 0.1 + 1e-4 / omega * np.sin(omega * run.time.values), rtol=0, atol=2e-4 * 1e-4 / omega)
