@@ -140,13 +140,13 @@ class Simulator:
         InputError
             It cannot be assembled there.
         """
-        places = [
+        place, rate = (
             first if given is None else as_floats(name, given, (len(first),), "(n_q,), in the order of scene.coordinates")
             for name, given, first in (("q", q, self._first[0]), ("qd", qd, self._first[1]))
-        ]
+        )
         given = None if pressure is None else as_floats("pressure", pressure, (self._n_cylinder, 2), "(n, 2), in head and rod chamber")
         self._force[:] = 0.0
-        _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places, given)
+        _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), place, rate, given)
         self._advance(-np.inf)
 
     @property
