@@ -11,10 +11,11 @@ module linkdyn_cylinder_states
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: cylinder_spec, n_chamber
+    use linkdyn_text, only: quoted
     implicit none (type, external)
     private
     public :: cylinder_states, prepare_cylinders, drive_by_cylinders, drive_record_by_cylinders, pack_pressure_rates, &
-        pressures_of_state, put_pressures
+        pressures_of_state, put_pressures, end_of_cylinder
 
     !> At the states evaluated last.
     type :: cylinder_states
@@ -123,6 +124,21 @@ contains
             end do
         end do
     end subroutine pack_pressure_rates
+
+    !> In words: what the last one cannot do that was to.
+    function end_of_cylinder(cylinders, model) result(text)
+        type(cylinder_states), intent(in) :: cylinders
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = "the cylinder of actuator "//quoted(model%scene%actuator(cylinders%culprit)%name)
+        if (cylinders%is_torn) then
+            text = text//" would pull at the oil of a chamber, which tears (expected 'air' in the oil, which then fills the " &
+                   //"chamber)"
+        else
+            text = text//" has come to an end of its stroke (expected an end stop there)"
+        end if
+    end function end_of_cylinder
 
     !> Pressures of a cylinder, from where those of its chambers begin in a state.
     pure function pressures_of_state(cylinder, place, y) result(pressure)

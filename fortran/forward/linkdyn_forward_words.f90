@@ -2,13 +2,12 @@
 module linkdyn_forward_words
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
-    use linkdyn_cylinder_states, only: cylinder_states
+    use linkdyn_cylinder_states, only: end_of_cylinder
     use linkdyn_exchange, only: choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_run, only: forward_run
     use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
@@ -111,7 +110,7 @@ contains
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
-        else if (run%system%cylinders%culprit > 0) then
+        else if (has_come_to_end(run)) then
             reason = reason//end_of_cylinder(run%system%cylinders, run%model)
         else
             select case (run%integrator%reason)
@@ -142,20 +141,13 @@ contains
         end if
     end function reason_of_stop
 
-    !> What a cylinder cannot do.
-    function end_of_cylinder(cylinders, model) result(text)
-        type(cylinder_states), intent(in) :: cylinders
-        type(model_type), intent(in) :: model
-        character(len=:), allocatable :: text
+    !> Has a cylinder come to where it cannot go on, where the mechanism itself could?
+    pure logical function has_come_to_end(run)
+        type(forward_run), intent(in) :: run
 
-        text = "the cylinder of actuator "//quoted(model%scene%actuator(cylinders%culprit)%name)
-        if (cylinders%is_torn) then
-            text = text//" would pull at the oil of a chamber, which tears (expected 'air' in the oil, which then fills the " &
-                   //"chamber)"
-        else
-            text = text//" has come to an end of its stroke (expected an end stop there)"
-        end if
-    end function end_of_cylinder
+        has_come_to_end = run%system%cylinders%culprit > 0 .and. &
+            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
+    end function has_come_to_end
 
     !> Has a controller nothing to put out, where the mechanism itself could go on?
     pure logical function has_blind_controller(run)

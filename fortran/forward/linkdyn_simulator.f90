@@ -8,7 +8,7 @@
 !> all the same, or steps would lead over that point to a mechanism that was thrown back.
 module linkdyn_simulator
     use linkdyn_coordinate_watch, only: prepare_watch, dead_coordinate
-    use linkdyn_cylinder_states, only: pressures_of_state
+    use linkdyn_cylinder_states, only: pressures_of_state, end_of_cylinder
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: state_layout, fill_start, read_coordinates, scene_start
@@ -22,7 +22,7 @@ module linkdyn_simulator
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_inverse, side_opening
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
-    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_undefined
     use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
     use linkdyn_text, only: quoted, to_text
     implicit none (type, external)
@@ -280,6 +280,8 @@ contains
             why = "more steps are needed than anyone would wait for"
         case default
             why = failure_at(self%model, self%system%workspace%state, self%system%obstacle(1), 1)
+            if (self%system%cylinders%culprit > 0 .and. self%system%obstacle(1) == sample_undefined) &
+                why = end_of_cylinder(self%system%cylinders, self%model)
             if (self%system%watch%is_on) then
                 dead = dead_coordinate(self%system%watch, .true.)
                 if (dead > 0) why = "coordinate "//quoted(self%model%scene%coordinate(dead)%name)//" comes to its dead point, " &

@@ -313,6 +313,12 @@ def test_builder_and_words() -> None:
     assert builder is not None
 
 
+def test_a_simulator_says_where_it_ends() -> None:
+    """The cylinder that has come to an end of its stroke, by name."""
+    with linkdyn.Scene(machine(0.0, start=1.0)).simulator() as simulator, pytest.raises(linkdyn.LinkdynError, match="'A' has come to an end of its stroke"):
+        simulator.step(2.0, [1.0])
+
+
 # ---------------------------------------------------------------- gas
 
 GAS = {
