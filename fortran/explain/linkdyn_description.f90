@@ -10,6 +10,7 @@ module linkdyn_description
         n_event, n_stop, n_controller, n_clutch, side_opening, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
+    use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -506,12 +507,21 @@ contains
     end function strings
 
     !> Enough digits to read the same number back.
+    !> With all its digits. Most are 0 or 1, which need none of the time that formatted output takes.
     pure function number(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text
+        real(wp), parameter :: many = 1.0e6_wp
         character(len=48) :: buffer
         character(len=16) :: form
 
+        ! a zero has a sign, too
+        if (abs(value) < many .and. (abs(value) >= 1 .or. sign(1.0_wp, value) > 0)) then
+            if (value == anint(value)) then
+                text = to_text(nint(value))//".0"
+                return
+            end if
+        end if
         write (form, "('(es48.', i0, 'e4)')") precision(1.0_wp) + 2
         write (buffer, form) value
         text = trim(adjustl(buffer))
@@ -532,10 +542,8 @@ contains
     pure function integer_value(value) result(text)
         integer, intent(in) :: value
         character(len=:), allocatable :: text
-        character(len=12) :: buffer
 
-        write (buffer, "(i0)") value
-        text = trim(buffer)
+        text = to_text(value)
     end function integer_value
 
     pure function logical_value(value) result(text)

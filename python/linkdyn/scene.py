@@ -10,7 +10,7 @@ import weakref
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -221,13 +221,18 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return self._variant(changed(tomllib.loads(self.text), self._with_units(paths)))
+        return self._variant(changed(self._content, self._with_units(paths)))
 
     def _variant(self, content: Mapping[str, Any]) -> Scene:
         """Another content, made of this scene's file."""
         scene = Scene(content, folder=self.folder)
         scene._file = self._file
         return scene
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
+        """What the text says, read once for all that is made of it: not to be changed."""
+        return tomllib.loads(self.text)
 
     def _inputs(self) -> list[tuple[str, str]]:
         """Files that it was read from, and what each of them is: nothing made of it may replace them."""
@@ -890,7 +895,7 @@ class Scene:
         >>> run = scene.sweep(output="workspace.nc", resume=True)  # doctest: +SKIP
         """
         if sweep is not None:
-            content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
+            content = self._content | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
             return self._variant(content).sweep(
                 keep=keep, solver=solver, threads=threads, progress=progress, output=output, resume=resume, checkpoint=checkpoint
             )
