@@ -275,7 +275,7 @@ contains
             end if
         end if
         call copy_model(model, laid)
-        call plan(model, status)
+        call plan(model, status, briefly=model%scene%redundancy /= share_refused)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return
         ! without joints that let go the gears beside them may do
         do way = 1, merge(2, 1, size(laid%gear) > 0)
@@ -283,6 +283,7 @@ contains
             again = status_type()
             call release_joints(unplanned, way == 2, is_freed, again)
             if (.not. again%is_ok()) status = again
+            if (way == 1 .and. again%is_ok() .and. .not. is_freed) call refuse_in_words()
             if (.not. (is_freed .and. again%is_ok())) return
             call copy_model(unplanned, model)
             call plan(model, again)
@@ -292,14 +293,22 @@ contains
 
     contains
 
-        subroutine plan(model, status)
+        subroutine plan(model, status, briefly)
             type(model_type), intent(inout) :: model
             type(status_type), intent(inout) :: status
+            logical, intent(in), optional :: briefly    !! see `plan_steps`
 
             call share_orientations(model)
             call plan_gears(model, status)
-            call plan_steps(model, status, closed_forms)
+            call plan_steps(model, status, closed_forms, briefly=briefly)
         end subroutine plan
+
+        !> No joint can let go: why the plan has failed is wanted after all.
+        subroutine refuse_in_words()
+            call copy_model(laid, model)
+            status = status_type()
+            call plan(model, status)
+        end subroutine refuse_in_words
     end subroutine plan_links
 
     !> Balls that hold idle spins: those that the scene brings along, else any.

@@ -58,12 +58,14 @@ contains
     end function mobility_of
 
     !> Fill `model%step`.
-    subroutine plan_steps(model, status, closed_forms, stand)
+    subroutine plan_steps(model, status, closed_forms, stand, briefly)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
         real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): there,
                                                          !! legs are closed as they stand, in whatever axes they are written
+        logical, intent(in), optional :: briefly         !! nobody will read why joints over-constrain their links: to find the words
+                                                         !! takes longer than to plan; absent: false
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -83,7 +85,7 @@ contains
         if (.not. status%is_ok()) return
         call list_ties(model, plan, tie, tie_coordinate)
         call find_groups(link_freedom(model), plan%known(1:), model%n_joint, tie, grouping)
-        if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status)
+        if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status, briefly)
         if (grouping%lack > 0) call refuse_lack(model, grouping, status)
         do g = 1, grouping%n_group
             call place_group(model, grouping%member(grouping%first(g):grouping%first(g + 1) - 1), plan, status)
@@ -640,16 +642,23 @@ contains
     ! ---------------------------------------------------------------- refusals
 
     !> Joints that contradict each other, or coordinates for what is determined without them.
-    subroutine refuse_excess(model, grouping, tie_coordinate, status)
+    subroutine refuse_excess(model, grouping, tie_coordinate, status, briefly)
         type(model_type), intent(in) :: model
         type(grouping_type), intent(in) :: grouping
         integer, intent(in) :: tie_coordinate(:)
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: briefly
         integer :: failed, i
         integer, allocatable :: joint(:), link(:)
         type(redundancy_type) :: redundancy
         type(joint_type) :: led_joint
 
+        if (present(briefly)) then
+            if (briefly) then
+                call fail(status, status_bad_input, "joints over-constrain their links")
+                return
+            end if
+        end if
         failed = tie_coordinate(grouping%failed_tie)
         if (failed > model%n_q + size(model%led)) then
             led_joint = model%joint(model%loose(failed - model%n_q - size(model%led))%joint(1))

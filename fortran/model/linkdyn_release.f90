@@ -71,9 +71,14 @@ module linkdyn_release
         type(loop_type) :: loop
         type(rows_type) :: rows
         integer, allocatable :: first(:)                !! row of each joint; the next one's is behind its last
-        real(wp), allocatable :: stress(:, :)           !! orthonormal; those left (row, state of self-stress)
-        real(wp), allocatable :: whole(:, :)            !! all
+        real(wp), allocatable :: frame(:, :, :, :)      !! of both markers of each joint, world axes (3, 3, side, joint)
+        real(wp), allocatable :: whole(:, :)            !! orthonormal (row, state of self-stress)
     end type stressed_pose
+
+    !> What of its self-stress is left as joints let go.
+    type :: left_stress
+        real(wp), allocatable :: of(:, :)               !! orthonormal (row, state of self-stress)
+    end type left_stress
 
 contains
 
@@ -116,7 +121,7 @@ contains
         subroutine search()
             call look_at_poses(model, pose)
             if (size(pose) == 0) return
-            if (size(pose(1)%stress, 2) == 0) return
+            if (size(pose(1)%whole, 2) == 0) return
             call list_moves(model, pose(1)%loop, move)
             sure = pack([(i, i=1, size(move))], lets_gear_go(move))
             call choose_on_way(pose, move, sure, gears_first, best)
@@ -202,7 +207,7 @@ contains
         if (is_closed) is_closed = .not. any_turned_over(loop)
         if (.not. is_closed) return
         call add_pose(model, loop, pose)
-        if (size(pose(1)%stress, 2) == 0) return
+        if (size(pose(1)%whole, 2) == 0) return
         n = max(least_poses, min(most_poses, small/model%n_link**2))
         call add_way(model, 1, n/2, pose)
         call add_way(model, -1, n/2, pose)
@@ -252,17 +257,22 @@ contains
         type(stressed_pose), allocatable, intent(inout) :: pose(:)
         integer, intent(in), optional :: n_stride       !! absent: 0
         type(stressed_pose) :: here
-        integer :: i
+        integer :: i, side
 
         here%loop = loop
         if (present(n_stride)) here%n_stride = n_stride
         call list_rows(model, here%loop, here%rows)
-        call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%stress)
+        call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%whole)
         if (size(pose) > 0) then
-            if (size(here%stress, 2) /= size(pose(1)%stress, 2)) return
+            if (size(here%whole, 2) /= size(pose(1)%whole, 2)) return
         end if
-        here%whole = here%stress
         here%first = [(1 + count(here%rows%joint(:here%rows%n) < i), i=1, size(loop%joint) + 1)]
+        allocate (here%frame(3, 3, 2, size(loop%joint)))
+        do i = 1, size(loop%joint)
+            do side = 1, 2
+                here%frame(:, :, side, i) = joint_frame(loop, i, side)
+            end do
+        end do
         pose = [pose, here]
     end subroutine add_pose
 
@@ -465,7 +475,7 @@ contains
 
         highest = acts
         ! of many moves only the best is one to begin with
-        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves .or. gears_first)
+        first = merge(0, 1, size(move)*size(pose(1)%whole, 2) > many_moves .or. gears_first)
         do i = first, merge(0, size(move), first == 0)
             if (i > 0) then
                 if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
@@ -506,31 +516,34 @@ contains
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: taken(:)
         real(wp), intent(out) :: score                  !! of the worst of them
-        type(stressed_pose) :: left(size(pose))
-        integer :: kind(size(pose(1)%loop%kind)), k, i
+        type(left_stress) :: left(size(pose))
+        integer :: kind(size(pose(1)%loop%kind)), k, i, p
         real(wp) :: one_score
 
-        left = pose
+        do p = 1, size(pose)
+            left(p)%of = pose(p)%whole
+        end do
         kind = pose(1)%loop%kind
         do i = 1, size(sure)
-            call take_away(left, move(sure(i)))
+            call take_away(pose, move(sure(i)), left)
             kind(move(sure(i))%i) = move(sure(i))%kind
         end do
         taken = move(sure)
         score = 1
-        do while (size(left(1)%stress, 2) > 0)
-            call find_best(left, move, kind, merge(first, 0, size(taken) == size(sure)), gears_first, k, one_score)
+        do while (size(left(1)%of, 2) > 0)
+            call find_best(pose, left, move, kind, merge(first, 0, size(taken) == size(sure)), gears_first, k, one_score)
             score = min(score, one_score)
             if (score < acts) return
-            call take_away(left, move(k))
+            call take_away(pose, move(k), left)
             kind(move(k)%i) = move(k)%kind
             taken = [taken, move(k)]
         end do
     end subroutine choose_moves
 
     !> The move along whose direction most of what is left of the self-stress acts, at the worst of the poses.
-    subroutine find_best(pose, move, kind, like, gears_first, best, score)
+    subroutine find_best(pose, left, move, kind, like, gears_first, best, score)
         type(stressed_pose), intent(in) :: pose(:)
+        type(left_stress), intent(in) :: left(:)        !! (pose)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: kind(:)                  !! of the joints by now
         integer, intent(in) :: like                     !! only moves like this one; 0: any
@@ -548,7 +561,7 @@ contains
             end if
             strength(k) = 1
             do p = 1, size(pose)
-                strength(k) = min(strength(k), strength_of(pose(p), move(k)))
+                strength(k) = min(strength(k), strength_of(pose(p), left(p)%of, move(k)))
                 if (strength(k) < acts) exit
             end do
         end do
@@ -571,44 +584,48 @@ contains
     end subroutine find_best
 
     !> What each state of self-stress left has along the directions that go (direction, state).
-    function action_of(pose, move) result(action)
+    function action_of(pose, left, move) result(action)
         type(stressed_pose), intent(in) :: pose
+        real(wp), intent(in) :: left(:, :)              !! (row, state)
         type(move_type), intent(in) :: move
-        real(wp) :: action(move%n, size(pose%stress, 2))
-        real(wp) :: frame(3, 3)
+        real(wp) :: action(move%n, size(left, 2))
+        real(wp) :: direction(3, move%n)
         integer :: n, k
 
         action = 0
         if (is_geared(move%needs)) then
-            action(1, :) = pose%stress(pose%first(move%i), :)
+            action(1, :) = left(pose%first(move%i), :)
             return
         end if
         if (move%needs == joint_universal) then        ! its one moment is along no axis of either link
             do n = pose%first(move%i), pose%first(move%i + 1) - 1
-                if (pose%rows%sort(n) == of_moment) action(1, :) = action(1, :) + pose%stress(n, :)
+                if (pose%rows%sort(n) == of_moment) action(1, :) = action(1, :) + left(n, :)
             end do
             return
         end if
-        frame = joint_frame(pose%loop, move%i, max(move%side, 1))
+        do k = 1, move%n
+            direction(:, k) = matmul(pose%frame(:, :, max(move%side, 1), move%i), move%direction(:, k))
+        end do
         do n = pose%first(move%i), pose%first(move%i + 1) - 1
             do k = 1, move%n
                 if (pose%rows%sort(n) == move%sort(k)) action(k, :) = action(k, :) &
-                    + dot_product(matmul(frame, move%direction(:, k)), pose%rows%axis(:, n))*pose%stress(n, :)
+                    + dot_product(direction(:, k), pose%rows%axis(:, n))*left(n, :)
             end do
         end do
     end function action_of
 
     !> How surely a move takes as many states of self-stress away as it lets directions go: the least singular value, or less.
-    function strength_of(pose, move) result(strength)
+    function strength_of(pose, left, move) result(strength)
         type(stressed_pose), intent(in) :: pose
+        real(wp), intent(in) :: left(:, :)              !! (row, state)
         type(move_type), intent(in) :: move
         real(wp) :: strength
-        real(wp) :: action(move%n, size(pose%stress, 2))
+        real(wp) :: action(move%n, size(left, 2))
         integer :: k, i
 
         strength = 0
-        if (move%n > size(pose%stress, 2)) return
-        action = action_of(pose, move)
+        if (move%n > size(left, 2)) return
+        action = action_of(pose, left, move)
         strength = 1
         ! Gram and Schmidt: what is left of each direction beside those before it
         do k = 1, move%n
@@ -622,16 +639,17 @@ contains
     end function strength_of
 
     !> Of the states of self-stress those are left that do not act along the directions that go.
-    subroutine take_away(pose, move)
-        type(stressed_pose), intent(inout) :: pose(:)
+    subroutine take_away(pose, move, left)
+        type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move
+        type(left_stress), intent(inout) :: left(:)     !! (pose)
         real(wp), allocatable :: action(:, :), kept(:, :)
         integer :: p
 
         do p = 1, size(pose)
-            action = action_of(pose(p), move)
+            action = action_of(pose(p), left(p)%of, move)
             call find_null_space(action, 0.0_wp, kept)
-            pose(p)%stress = matmul(pose(p)%stress, kept)
+            left(p)%of = matmul(left(p)%of, kept)
         end do
     end subroutine take_away
 
