@@ -6,7 +6,6 @@
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
 !> (`linkdyn_start_distance`). The outcome depends on the scene alone.
 module linkdyn_group_start
-    use, intrinsic :: iso_c_binding, only: c_int
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
@@ -114,7 +113,7 @@ contains
         real(wp) :: place(size(start, 1), size(start, 2), size(start, 3))
         logical :: has_arrived(size(start, 3))
         integer :: first, last
-        integer(c_int) :: lent
+        integer :: lent                                 ! of the lock of texts
 
         lent = lend_texts()
         if (found%n == 0) then

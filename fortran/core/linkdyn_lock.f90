@@ -12,7 +12,6 @@
 !> `hold_texts_to_lend` is for a thread that assembles one of many designs: nobody else knows of that one yet. Where it computes for
 !> long and makes no text it lends the lock to others, and takes it back afterwards; under any other hold nothing is lent.
 module linkdyn_lock
-    use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)
     private
     public :: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
@@ -41,13 +40,11 @@ module linkdyn_lock
         end subroutine hold_texts_to_lend
 
         function lend_texts() bind(c, name="linkdyn_lend_texts") result(lent)
-            import :: c_int
-            integer(c_int) :: lent                          !! to be handed to `take_texts_back`
+            integer :: lent                          !! to be handed to `take_texts_back`
         end function lend_texts
 
         subroutine take_texts_back(lent) bind(c, name="linkdyn_take_texts_back")
-            import :: c_int
-            integer(c_int), value :: lent
+            integer, value :: lent
         end subroutine take_texts_back
     end interface
 end module linkdyn_lock

@@ -19,7 +19,6 @@
 !> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
 module linkdyn_release
-    use, intrinsic :: iso_c_binding, only: c_int
     use linkdyn_constants, only: golden, pi
     use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, close_near_start, list_rows, joint_frame, &
         move_bodies, any_turned_over, of_force, of_moment
@@ -96,7 +95,7 @@ contains
         integer, allocatable :: sure(:)
         logical, allocatable :: is_redundant(:)
         integer :: i
-        integer(c_int) :: lent
+        integer :: lent                                 ! of the lock of texts
 
         is_released = .false.
         if (model%n_link > most_links) return

@@ -13,6 +13,7 @@ module linkdyn_step_kernels
     use linkdyn_dyad_motion, only: move_dyad
     use linkdyn_dyads, only: find_ways
     use linkdyn_elimination, only: sparse_row
+    use linkdyn_elimination_pattern, only: elimination_pattern, find_pattern
     use linkdyn_equation_programs, only: matrix_form, list_entries
     use linkdyn_group_rates, only: group_constraints, list_constraints, make_velocities_unknown, make_accelerations_unknown, &
         require_rates, require_second_rates
@@ -27,7 +28,6 @@ module linkdyn_step_kernels
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, pair_of, scene_point_of_origin, scene_rotation
     use linkdyn_model, only: model_type, step_group, is_dyad
     use linkdyn_placing, only: place_links, closes_loop, list_step_constraints
-    use linkdyn_patterned_elimination, only: elimination_pattern, find_pattern
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, output_list, add_output, make_scene_program, &
         free_scene_program, free_program_space

@@ -1,10 +1,11 @@
 !> linkdyn_patterned_elimination: sparse systems whose lanes choose pivots of their own, against dense solvers.
 module test_patterned_elimination
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_value, ieee_quiet_nan
+    use linkdyn_elimination_pattern, only: elimination_pattern, find_pattern
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_patterned_elimination, only: elimination_pattern, find_pattern, eliminate_by_pattern
+    use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_test_numbers, only: random_stream, eps, condition_number, dense_solution
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     implicit none (type, external)
