@@ -37,10 +37,11 @@ contains
         real(wp), intent(out) :: loss                  !! of energy [J]
         real(wp), dimension(size(speed)) :: ease, least, wanted
         real(wp), allocatable :: push(:), change(:)
-        logical, dimension(size(speed)) :: closes, takes_part
+        logical, dimension(size(speed)) :: closes, takes_part, came
         integer, allocatable :: contact(:)
         integer :: round, i
 
+        came = speed < 0
         ease = [(sqrt(max(response(i, i), 0.0_wp)), i=1, size(speed))]
         impulse = 0
         loss = 0
@@ -71,6 +72,8 @@ contains
             if (.not. any(push > 0)) exit
             deallocate (push)
         end do
+        ! What begins at its stop, at rest, and is drawn away from there has struck nothing.
+        has_struck = has_struck .and. (came .or. impulse > 0)
         is_closed = touches .and. abs(speed) <= 10*still*hardest*ease
     end subroutine find_impacts
 

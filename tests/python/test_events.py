@@ -507,6 +507,18 @@ def test_a_start_beyond_a_stop_is_refused():
         slide(gravity=[0, -GRAVITY], stop=[{"name": "floor", "joint": "h", "min": 1.25, "restitution": 0.5}]).forward(t_end=0.1)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_what_falls_from_its_stop_has_struck_nothing(restitution):
+    """A mass that hangs at its upper stop at rest and falls: no impact; with a push upwards it strikes at once."""
+    top = {"name": "top", "joint": "h", "max": 1.0, "restitution": restitution}
+    run = slide(gravity=[0, -GRAVITY], stop=[top]).forward(t_end=0.3)
+    assert len(run.event) == 0
+    assert run.q.values[-1, 0] == pytest.approx(1 - GRAVITY * 0.3**2 / 2, abs=1e-12)
+    run = slide(gravity=[0, -GRAVITY], stop=[top], coordinate=[{"joint": "h", "start": {"position": 1.0, "velocity": 0.5}}]).forward(t_end=0.3)
+    assert times(run, "top.max", "impact").tolist() == [0.0]
+    assert run.event_impulse.values == pytest.approx([2.0 * 0.5 * (1 + restitution)])
+
+
 def test_events_of_time_and_of_laws():
     scene = slide(laws={"wind": "5 N*sin(3 rad/s*time)"}, event=[
         {"name": "clock", "when": "time - 0.3 s"}, {"name": "calm", "when": "wind", "direction": "down"}])
