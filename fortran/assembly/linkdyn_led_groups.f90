@@ -9,7 +9,8 @@ module linkdyn_led_groups
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, scene_size
+    use linkdyn_newton_group, only: n_shift
     implicit none (type, external)
     private
     public :: lead_places
@@ -126,7 +127,11 @@ contains
                 found%margin(lane(i), :) = tried%margin(i, :)
                 found%drift(lane(i), :) = tried%drift(i, :)
                 do g = 1, size(self%model%group)
-                    found%speed(lane(i), g) = maxval(abs(tried%rate(i, :, self%model%group(g)%link)))
+                    associate (link => self%model%group(g)%link, n => n_shift(self%model))
+                        found%speed(lane(i), g) = maxval(abs(tried%rate(i, :, link)))
+                        found%shift(lane(i), g) = maxval(abs(tried%place(i, :n, link) - tried%from(i, :n, link))) &
+                                                  /scene_size(self%model)
+                    end associate
                 end do
             end do
         end associate

@@ -13,10 +13,10 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, is_dyad, &
+    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, is_dyad, scene_size, &
         link_freedom, place_size, repeats, gives_attitude, attitude_angles
     use linkdyn_lane_kernels, only: place_rates
-    use linkdyn_newton_group, only: shifted
+    use linkdyn_newton_group, only: n_shift, shifted
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
@@ -275,6 +275,7 @@ contains
             found%is_closed = .not. (state%unreachable .or. state%not_converged)
             do g = 1, size(model%group)
                 found%speed(:, model%n_branch + g) = speed_of_group(model, state, g)
+                found%shift(:, model%n_branch + g) = shift_of_group(model, state, self%place, g)
             end do
         end associate
     end subroutine try_on_way
@@ -292,6 +293,24 @@ contains
             speed = max(speed, maxval(abs(place_rates(model, state, model%group(g)%link(i), level_velocity)), dim=2))
         end do
     end function speed_of_group
+
+    !> How far the group's links have gone from other places, the farthest along one axis, as a part of the mechanism's size.
+    function shift_of_group(model, state, place, g) result(shift)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
+        integer, intent(in) :: g
+        real(wp) :: shift(lanes)
+        integer :: i
+
+        shift = 0
+        do i = 1, size(model%group(g)%link)
+            associate (l => model%group(g)%link(i), n => n_shift(model))
+                shift = max(shift, maxval(abs(state%group%place(:, :n, l) - place(:, :n, l)), dim=2))
+            end associate
+        end do
+        shift = shift/scene_size(model)
+    end function shift_of_group
 
     !> Orientations given by quaternions, on the way.
     subroutine turn_attitudes(self, part)

@@ -38,6 +38,7 @@ module linkdyn_following
     real(wp), parameter :: nearest_try = 0.6_wp     !! of the distance to where a margin would vanish: just less than 1/look_ahead
     real(wp), parameter :: same_margin = 5.0_wp     !! a margin beyond a change point and that before it differ less
     real(wp), parameter :: same_slope = 3.0_wp      !! so do its slopes near a change point and at it, and the links' speeds
+    real(wp), parameter :: farthest = 1.0_wp        !! mechanism's sizes: how far links get in a step that begins at a singular place
     real(wp), parameter :: well_told = 10.0_wp      !! margins: from so many least ones on they and their slopes are reliable
     real(wp), parameter :: least_step = 16*epsilon(1.0_wp)    !! of the way
 
@@ -55,6 +56,8 @@ module linkdyn_following
         real(wp), allocatable :: margin(:, :)       !! smallest singular value of each map, signed: +, - assemblies (lane, n_map)
         real(wp), allocatable :: drift(:, :)        !! its rate, per whole way                                      (lane, n_map)
         real(wp), allocatable :: speed(:, :)        !! of the fastest link that the map places, likewise; 0: not told (lane, n_map)
+        real(wp), allocatable :: shift(:, :)        !! of these links, the farthest from where the mechanism stands to here, part of the
+                                                    !! mechanism's size; 0: not told                                  (lane, n_map)
     end type footing
 
     !> A mechanism that stands on a straight way on every lane, and may be tried further on.
@@ -123,6 +126,7 @@ contains
         if (.not. any(goes)) return
         allocate (stands%margin(lanes, size(self%least_margin)), stands%drift(lanes, size(self%least_margin)))
         allocate (stands%speed(lanes, size(self%least_margin)), source=0.0_wp)
+        allocate (stands%shift(lanes, size(self%least_margin)), source=0.0_wp)
         tried = stands
         is_crossing = .false.
         is_first = .true.
@@ -225,7 +229,8 @@ contains
 
             associate (m => report%map(lane))
                 grows = (slope(lane, m) > 0 .and. abs(stands%drift(lane, m)) > same_slope*slope(lane, m)) &
-                        .or. (pace(lane, m) > 0 .and. stands%speed(lane, m) > same_slope*pace(lane, m))
+                        .or. (pace(lane, m) > 0 .and. stands%speed(lane, m) > same_slope*pace(lane, m)) &
+                        .or. tried%shift(lane, m) > farthest
             end associate
             report%outcome(lane) = merge(way_ends, way_forks, grows .or. .not. tried%is_closed(lane))
             report%is_limit(lane) = was_root(lane, report%map(lane))
@@ -355,6 +360,9 @@ contains
         do m = 1, size(least_margin)
             before = stands%margin(lane, m)
             now = tried%margin(lane, m)
+            ! Beyond a place to which links go without end, as slides do along axes that become parallel, they come from the other end
+            ! of the world: what closes there is not what the mechanism gets to.
+            if (abs(before) <= least_margin(m)) is_sound = is_sound .and. tried%shift(lane, m) <= farthest
             if (is_crossing(m)) then
                 is_sound = is_sound .and. merge(side(m), before, side(m) /= 0)*now < 0 &
                            .and. abs(now) <= same_margin*max(abs(before), least_margin(m))

@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 import linkdyn
+import numpy as np
 import pytest
 
 
@@ -61,3 +62,40 @@ def test_slide_ends_where_the_crank_is_in_line() -> None:
     scene["coordinate"], scene["actuator"] = [{"joint": "S", "start": 0.33}], [{"joint": "S"}]
     numbers = [float(number) for number in re.findall(r"-?[\d.]+(?= m\b)", reach(scene))]
     assert numbers == pytest.approx([0.2, 0.4], abs=1e-6)
+
+
+def tangent_mechanism(n: int) -> linkdyn.Scene:
+    """A block on a crank leads a slide along the line x = 1: its place is the tangent of the crank's angle. Drawn in space, closed by iteration."""
+    hinge, along, across = ({"axis": axis, "x": x} for axis, x in (([0, 0, 1], [1, 0, 0]), ([1, 0, 0], [0, 0, 1]), ([0, 1, 0], [0, 0, 1])))
+    body = {"mass": 1.0, "inertia": {"diagonal": [1, 1, 1]}}
+    at = {"at": [0, 0, 0]}
+    return linkdyn.Scene({
+        "space": "spatial",
+        "gravity": [0, -9.81, 0],
+        "frame": {"markers": {"A": at | hinge, "G": {"at": [1, 0, 0]} | across}},
+        "link": [
+            {"name": "crank", "markers": {"A": at | hinge, "S": at | along}} | body,
+            {"name": "block", "markers": {"S": at | along, "B": at | hinge}} | body,
+            {"name": "slide", "markers": {"B": at | hinge, "G": at | across}} | body,
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]},
+            {"name": "S", "type": "prismatic", "between": ["crank.S", "block.S"], "start": 1.0},
+            {"name": "B", "type": "revolute", "between": ["block.B", "slide.B"]},
+            {"name": "G", "type": "prismatic", "between": ["frame.G", "slide.G"]},
+        ],
+        "coordinate": [{"joint": "A", "motion": {"law": "constant-rate", "rate": 1.0, "start": 0.2}}],
+        "actuator": [{"joint": "A"}],
+        "time": {"end": 3.0, "samples": n},
+    })
+
+
+@pytest.mark.parametrize("n", [11, 45, 101, 1001])
+def test_no_motion_goes_by_way_of_infinity(n):
+    """At 90 degrees the slide is infinitely far away; what closes beyond is no continuation, however many samples there are."""
+    run = tangent_mechanism(n).inverse()
+    crank = 0.2 + run.time.values
+    assert ((run.status.values == 0) == (crank < np.pi / 2)).all()
+    assert run.attrs["change_points_passed"] == 0
+    reached = run.status.values == 0
+    assert run.joint_variable.sel(variable="G.slide").values[reached] == pytest.approx(np.tan(crank[reached]), rel=1e-9)
