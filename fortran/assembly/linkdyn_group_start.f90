@@ -39,7 +39,9 @@ module linkdyn_group_start
         integer :: n = 0
         logical :: apart_by_lines = .false.                !! only those are listed whose joints lie on other lines
         real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
-        real(wp), allocatable :: nearest(:, :)             !! of the nearest
+        real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where some attempt has closed
+                                                           !! what is not let go
+        logical :: any_closed = .false.                    !! has one?
         real(wp) :: given = huge(1.0_wp)                   !! how far that is: see `start_distance`
         real(wp) :: others = huge(1.0_wp)
     end type found_assemblies
@@ -68,7 +70,8 @@ contains
             call make_attempts(model, step%first, start, state, found)
         end if
         n_found = merge(0, found%n, is_known)
-        if (found%n > 0) then
+        ! Where what is let go does not fit it may with another branch of the steps before.
+        if (found%any_closed) then
             state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
             call run_step(model, step, state)
@@ -116,12 +119,11 @@ contains
         integer :: lent                                 ! of the lock of texts
 
         lent = lend_texts()
-        if (found%n == 0) then
-            found%place = start(:, :, :0)
-            found%nearest = start(:, :, 1)
-        end if
+        if (.not. allocated(found%place)) found%place = start(:, :, :0)
         place = start
         call close_attempts(model, g, place, state, has_arrived)
+        if (any(has_arrived) .and. .not. found%any_closed) found%nearest = place(:, :, findloc(has_arrived, .true., dim=1))
+        found%any_closed = found%any_closed .or. any(has_arrived)
         do first = 1, size(place, 3), lanes
             last = min(first + lanes - 1, size(place, 3))
             if (any(has_arrived(first:last))) &
