@@ -22,7 +22,7 @@ module linkdyn_group_start
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_newton_attempts, only: close_attempts, look_at_place
     use linkdyn_pointed_links, only: point_links
-    use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
+    use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion, turned_vector
     use linkdyn_scene, only: joint_n_variable, joint_universal, joint_spherical, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
     use linkdyn_vec2, only: vec2, rot2, rot2_by_angle, rot2_of_directions, operator(+), operator(-), operator(*), operator(.rotate.)
@@ -260,6 +260,7 @@ contains
         type(group_type), intent(in) :: group
         real(wp), intent(in), contiguous :: a(:, :), b(:, :)    !! (place_size, n_link)
         real(wp), parameter :: fit = 1.0e-6_wp
+        real(wp) :: apart(3)
         integer :: i, k, l
 
         is_alike = is_same(model, group, a, b)
@@ -269,11 +270,13 @@ contains
             l = group%link(i)
             do k = model%first_at(l), model%first_at(l + 1) - 1
                 associate (joint => model%joint(model%joint_at(k)), side => side_of(model%joint(model%joint_at(k)), l))
-                    is_alike = is_alike .and. all(abs(a(:3, l) + turned(a(4:, l), joint%point(:, side)) &
-                                                      - b(:3, l) - turned(b(4:, l), joint%point(:, side))) <= fit*scene_size(model))
+                    apart = a(:3, l) + turned_vector(a(4:, l), joint%point(:, side)) &
+                            - b(:3, l) - turned_vector(b(4:, l), joint%point(:, side))
+                    is_alike = is_alike .and. all(abs(apart) <= fit*scene_size(model))
                     if (any(joint%told_kind == [joint_universal, joint_spherical])) cycle
-                    is_alike = is_alike .and. all(abs(cross(turned(a(4:, l), joint%frame(:, 3, side)), &
-                                                            turned(b(4:, l), joint%frame(:, 3, side)))) <= fit)
+                    apart = cross(turned_vector(a(4:, l), joint%frame(:, 3, side)), &
+                                  turned_vector(b(4:, l), joint%frame(:, 3, side)))
+                    is_alike = is_alike .and. all(abs(apart) <= fit)
                 end associate
             end do
             if (.not. is_alike) return
@@ -296,9 +299,9 @@ contains
                     is_same = is_same .and. are_near(u(:2), v(:2)) .and. 1 - cos(u(3) - v(3)) <= fit**2
                 else if (link%spin > 0) then
                     ! however it has spun, its line is one
-                    is_same = is_same .and. are_near(u(:3) + turned(u(4:), link%spin_point), &
-                                                     v(:3) + turned(v(4:), link%spin_point)) &
-                              .and. all(abs(turned(u(4:), link%spin_axis) - turned(v(4:), link%spin_axis)) <= fit)
+                    is_same = is_same .and. are_near(u(:3) + turned_vector(u(4:), link%spin_point), &
+                                                     v(:3) + turned_vector(v(4:), link%spin_point)) &
+                              .and. all(abs(turned_vector(u(4:), link%spin_axis) - turned_vector(v(4:), link%spin_axis)) <= fit)
                 else
                     ! A quaternion and its opposite are one attitude.
                     is_same = is_same .and. are_near(u(:3), v(:3)) .and. 1 - abs(dot_product(u(4:), v(4:))) <= fit**2
@@ -314,14 +317,6 @@ contains
             are_near = all(abs(p - r) <= fit*scene_size(model))
         end function are_near
     end function is_same
-
-    !> A vector turned by a unit quaternion.
-    pure function turned(q, x) result(y)
-        real(wp), intent(in) :: q(4), x(3)
-        real(wp) :: y(3)
-
-        y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
-    end function turned
 
     !> Links at their starting positions; those without one stay, or are where their markers are written.
     subroutine put_as_given(model, group, lane, as_written, state)

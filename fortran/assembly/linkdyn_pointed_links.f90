@@ -10,7 +10,7 @@ module linkdyn_pointed_links
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, orientation_of, side_of
-    use linkdyn_quaternion, only: turned_by
+    use linkdyn_quaternion, only: turned_by, turned_vector
     use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable
     use linkdyn_vec3, only: lane_of, mat3_lane
     implicit none (type, external)
@@ -137,7 +137,7 @@ contains
 
             q = turned_by(spread([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes), spread(axis, 1, lanes))
             position = place(:3) + moved - pivot
-            place(:3) = pivot + rotated(q(1, :), position)
+            place(:3) = pivot + turned_vector(q(1, :), position)
             q = turned_by(spread(place(4:7), 1, lanes), spread(axis, 1, lanes))
             place(4:7) = q(1, :)
         end subroutine put
@@ -149,18 +149,11 @@ contains
 
             associate (point => model%joint(j)%point(:, side_of(model%joint(j), l)))
                 if (any(group%link == l)) then
-                    at = state%group%place(lane, :3, l) + rotated(state%group%place(lane, 4:7, l), point)
+                    at = state%group%place(lane, :3, l) + turned_vector(state%group%place(lane, 4:7, l), point)
                 else
                     at = lane_of(state%position(l), lane) + matmul(mat3_lane(state%rotation(orientation_of(model, l)), lane), point)
                 end if
             end associate
         end function marker
-
-        pure function rotated(q, x) result(y)
-            real(wp), intent(in) :: q(4), x(3)
-            real(wp) :: y(3)
-
-            y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
-        end function rotated
     end subroutine turn
 end module linkdyn_pointed_links

@@ -3,6 +3,7 @@
 !> The rotation is read off q/|q|, so it is a rotation to rounding whatever |q| is: the exact solution keeps the length,
 !> a numerical one lets it drift without harm, and nothing needs to be projected between steps.
 module linkdyn_quaternion
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_trigonometry, only: sine_cosine
@@ -10,7 +11,7 @@ module linkdyn_quaternion
     implicit none (type, external)
     private
     public :: rotation_of_quaternion, quaternion_of_rotation, quaternion_rate, quaternion_of_rpy
-    public :: turned_by, turn_between
+    public :: turned_by, turn_between, turned_vector
 
 contains
 
@@ -104,6 +105,14 @@ contains
                              turned(:, 1), turned(:, 2), turned(:, 3), turned(:, 4))
         turned = spread(c, 2, 4)*q + spread(2*per_angle, 2, 4)*turned
     end function turned_by
+
+    !> A vector turned by a quaternion of length one.
+    pure function turned_vector(q, x) result(y)
+        real(wp), intent(in) :: q(4), x(3)
+        real(wp) :: y(3)
+
+        y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
+    end function turned_vector
 
     !> The turn, at most half a one, that takes one orientation to another: along its axis, world axes [rad].
     pure function turn_between(from, to) result(turn)
