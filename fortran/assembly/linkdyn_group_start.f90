@@ -39,8 +39,8 @@ module linkdyn_group_start
         integer :: n = 0
         logical :: apart_by_lines = .false.                !! only those are listed whose joints lie on other lines
         real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
-        real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where some attempt has closed
-                                                           !! what is not let go
+        real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where the first attempt that closes
+                                                           !! what is not let go has come to
         logical :: any_closed = .false.                    !! has one?
         real(wp) :: given = huge(1.0_wp)                   !! how far that is: see `start_distance`
         real(wp) :: others = huge(1.0_wp)
@@ -70,7 +70,7 @@ contains
             call make_attempts(model, step%first, start, state, found)
         end if
         n_found = merge(0, found%n, is_known)
-        ! Where what is let go does not fit it may with another branch of the steps before.
+        ! What is let go may hold links that are placed later, or fit with another branch of the steps before: who has placed all will see.
         if (found%any_closed) then
             state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
