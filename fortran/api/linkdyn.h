@@ -79,7 +79,7 @@ typedef struct linkdyn_run_settings {
     const char *solver;    /* of the forces, as above */
     double t_end;          /* when the run is to end [s], which steps are judged by; 0: not known */
     double step;           /* of rk4; first one tried by the others [s]; 0: 0.001 */
-    double rtol, atol;     /* error of a step allowed, relative and absolute (less for ways below 0.1); 0: 1e-9 */
+    double rtol, atol;     /* error of a step allowed, relative and absolute (less for ways below 0.01); 0: 1e-9 */
     int threads;           /* 0: one */
     int keep_coordinates;  /* 1: a coordinate near its dead point is not exchanged for another joint variable */
     int errors;            /* 1: estimate errors too, which takes several times as long */

@@ -447,12 +447,15 @@ contains
         real(wp), intent(inout) :: largest(lanes)
         real(wp), dimension(lanes) :: part, turn, size_here
         real(wp) :: moved(lanes, size(place, 2))
+        logical :: is_number(lanes)
         integer :: n, i, k
 
         n = link_freedom(model)
         turn = 0
         size_here = 0
+        is_number = .true.                               ! `max` may say anything of what is none
         do i = 1, size(correction, 2)
+            is_number = is_number .and. abs(correction(:, i)) <= huge(1.0_wp)
             size_here = max(size_here, abs(correction(:, i))/group%unit(i))
             if (modulo(i - 1, n) >= n_shift(model)) turn = max(turn, abs(bounded(:, i)))
         end do
@@ -466,8 +469,7 @@ contains
                 end do
             end associate
         end do
-        where (takes) largest = size_here
-        where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
+        where (takes) largest = merge(size_here, huge(1.0_wp), is_number)
     end subroutine correct
 
     !> A link's place after a shift and a turn, about x, y, z of the world in space.

@@ -1,7 +1,7 @@
 !> How far a solution has gone, and how large an absolute error its components are allowed therefore.
 !>
 !> A tolerance of 1e-9 m is nothing to a crane and everything to a stage that oscillates by a micrometre, and no scene says which it
-!> is. The motion does: where the way gone so far is less than 0.1 (m, rad, m/s, ...) the tolerance is that much smaller. So a
+!> is. The motion does: where the way gone so far is less than 0.01 (m, rad, m/s, ...) the tolerance is that much smaller. So a
 !> small motion has nearly the digits of a large one, and machines of the usual sizes take the steps that they always took.
 !>
 !> What moves less than a hundredth of what moves most beside it is resolved as though it moved that much, and nothing more
@@ -54,7 +54,7 @@ contains
         real(wp), intent(in) :: y(:)             !! (n)
         real(wp), intent(in) :: atol             !! the tolerance
         real(wp) :: error(size(y))
-        real(wp), parameter :: enough = 0.1_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
+        real(wp), parameter :: enough = 0.01_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
         integer :: f
 
         error = atol*max(self%furthest, abs(y - self%origin))/enough

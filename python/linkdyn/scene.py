@@ -615,8 +615,8 @@ class Scene:
             The fixed step, or the first one tried [s].
         rtol, atol
             Error allowed in a step, relative and absolute [m, rad, and these in a second]; no more than 1e-4
-            (msbdf: 1e-5) is. What has gone less than 0.1 so far is allowed that much less: small motions have
-            nearly the digits of large ones.
+            (msbdf: 1e-5) is. What has gone less than 0.01 so far is allowed that much less, so that
+            small motions have digits, too.
         want, solver, threads
             As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
         progress
