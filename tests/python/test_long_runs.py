@@ -91,10 +91,10 @@ def test_tolerances_below_rounding(method: str) -> None:
 )
 def test_fifty_turns_of_a_pendulum(method: str, settings: dict, state: float, energy: float) -> None:
     """The bounds are two to three times what the methods reach (docs/accuracy.md has a thousand turns); the state's error
-    grows with the square of the time, the energy's with the time, but for the first turns of a method that begins with low orders."""
-    short, long = (whirl(turns, 5, method, **settings) for turns in (20, 50))
-    assert long.state < state and long.energy < energy
-    assert long.energy < 4 * short.energy + 1e-14
+    grows with the square of the time, the energy's with the time, by fits and starts where orders and steps change."""
+    ten, twenty, fifty = (whirl(turns, 5, method, **settings) for turns in (10, 20, 50))
+    assert fifty.state < state and fifty.energy < energy
+    assert fifty.energy < max(8 * ten.energy, 4 * twenty.energy) + 1e-14
 
 
 def exact_row(t: list[float]) -> list[float]:
