@@ -253,7 +253,8 @@ def test_parallelogram_stays_one(parallelogram: dict[str, Any]) -> None:
 
 def test_parallelogram_stays_one_in_free_motion(parallelogram: dict[str, Any]) -> None:
     parallelogram["coordinate"][0]["start"]["velocity"] = 8.0
-    data = linkdyn.Scene(parallelogram).forward(t=np.linspace(0, 2, 101))
+    # steps that turn the crank by less than half a turn: one that passes two change points counts none
+    data = linkdyn.Scene(parallelogram).forward(t=np.linspace(0, 2, 101), rtol=1e-11, atol=1e-11)
     energy = data.kinetic_energy + data.potential_energy
     angle = data.joint_variable.sel(variable=["A.angle", "D.angle"]).values
     assert data.attrs["stopped"] == "" and np.all(data.status == OK)

@@ -663,7 +663,8 @@ def test_an_overconstrained_loop_falls() -> None:
     for run in runs:
         assert run.attrs["stopped"] == "" and run.attrs["coordinates_integrated"].count("until") >= 2
         energy = (run.kinetic_energy + run.potential_energy).values
-        assert np.abs(energy - energy[0]).max() < 1e-8
+        # as much as the tolerance in each step, of what five rods of 1 kg have gained after 2 m
+        assert np.abs(energy - energy[0]).max() < 1e-11 * run.attrs["steps"] * 5 * 9.81 * 2
     at = [run.linkdyn.marker("rod3.b").position.values for run in runs]
     assert np.abs(at[1] - at[0]).max() < 1e-7
 
