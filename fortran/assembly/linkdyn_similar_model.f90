@@ -10,9 +10,9 @@ module linkdyn_similar_model
     use linkdyn_curve, only: scale_curve
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_freedom, is_length
+    use linkdyn_model, only: model_type, link_freedom, is_length, effort_power
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        law_harmonic, motor_spec, cylinder_spec, n_clutch, side_torque, side_voltage, side_opening
+        law_harmonic, motor_spec, cylinder_spec, n_clutch
     use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
     private
@@ -122,7 +122,7 @@ contains
             end associate
         end do
         do i = 1, model%n_actuator
-            call scale_drive(law_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
+            call scale_drive(scale**effort_power(model, i), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%drive)
             call scale_motor(drive_scale(model, i, scale) == scale, scale, similar%scene%actuator(i)%motor)
             if (model%scene%actuator(i)%cylinder%is_given) call scale_cylinder(scale, similar%scene%actuator(i)%cylinder)
@@ -215,24 +215,6 @@ contains
             drive_scale = merge(scale, scale**2, is_slide(model%joint(actuator%joint)%told_kind, actuator%variable))
         end associate
     end function drive_scale
-
-    !> What the law of an actuator gives is multiplied by: a driving force, the torque of a motor, a voltage, or an opening.
-    pure real(wp) function law_scale(model, i, scale)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i
-        real(wp), intent(in) :: scale
-
-        select case (model%scene%actuator(i)%drive%side)
-        case (side_torque)
-            law_scale = scale**2
-        case (side_voltage)
-            law_scale = scale
-        case (side_opening)
-            law_scale = 1
-        case default
-            law_scale = drive_scale(model, i, scale)
-        end select
-    end function law_scale
 
     !> A motor turns as it did: of voltages and torque constants the torque is the product.
     pure subroutine scale_motor(is_sliding, scale, motor)

@@ -1,36 +1,23 @@
 !> Laws of drives: what they give at instants, of similar mechanisms too.
 module linkdyn_drives
     use linkdyn_joint_rates, only: coordinate_of
-    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_spec, side_torque, side_voltage, side_opening
+    use linkdyn_model, only: model_type, effort_power
+    use linkdyn_scene, only: law_spec
     implicit none (type, external)
     private
     public :: law_on_lanes, coordinate_of_actuator, effort_scale
 
 contains
 
-    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to
-    !> one; valves open alike.
+    !> Of a similar mechanism: what its actuator does over what the law gives.
     pure real(wp) function effort_scale(model, i) result(scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
 
-        associate (spec => model%scene%actuator(i))
-            select case (spec%drive%side)
-            case (side_torque)
-                scale = model%scene%laws%scale**2
-            case (side_voltage)
-                scale = model%scene%laws%scale
-            case (side_opening)
-                scale = 1
-            case default
-                scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
-            end select
-        end associate
+        scale = model%scene%laws%scale**effort_power(model, i)
     end function effort_scale
 
     !> The coordinate that an actuator drives directly; 0 if its joint variable is none.

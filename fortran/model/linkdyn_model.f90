@@ -4,7 +4,8 @@ module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
-    use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
+    use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused, &
+        side_torque, side_voltage, side_opening
     implicit none (type, external)
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
@@ -17,7 +18,7 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions, gapes, friction_is_shared, feels_shares
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
-    public :: leads_within, drives_share, counts_for_another, pull_power
+    public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
     real(wp), parameter :: gapes = 1.0e-6_wp
@@ -554,6 +555,26 @@ contains
         if (spring%measure > 0) turns = model%scene%laws%measure(spring%measure)%length_power == 0
         pull_power = merge(2, 1, turns)
     end function pull_power
+
+    !> Of what the law of an actuator gives in a similar mechanism, likewise. A voltage is to its torque constant as its speed is to one;
+    !> valves open alike: 0.
+    pure integer function effort_power(model, i)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i                 !! actuator
+
+        associate (spec => model%scene%actuator(i))
+            select case (spec%drive%side)
+            case (side_torque)
+                effort_power = 2
+            case (side_voltage)
+                effort_power = 1
+            case (side_opening)
+                effort_power = 0
+            case default
+                effort_power = merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
+            end select
+        end associate
+    end function effort_power
 
     !> Is the link the first (1) or the second (2) of the joint?
     pure integer function side_of(joint, link)

@@ -8,19 +8,17 @@ module linkdyn_recorded_rates
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
         in_branch, in_pull, in_base, in_payload, in_place, in_counted
-    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
     use linkdyn_measure_program, only: make_measure_program, out_measures
-    use linkdyn_model, only: model_type, place_size, pull_power
+    use linkdyn_model, only: model_type, place_size, pull_power, effort_power
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, side_torque, side_voltage, side_opening, measure_time, &
-        is_sampled
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
     implicit none (type, external)
@@ -180,7 +178,7 @@ contains
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
-        real(wp) :: law(n, size(recorded%model%scene%laws%law)), scale
+        real(wp) :: law(n, size(recorded%model%scene%laws%law))
         integer :: i, k
 
         if (.not. recorded%measures%is_made) return
@@ -209,18 +207,8 @@ contains
             do i = 1, model%n_actuator
                 associate (spec => model%scene%actuator(i))
                     if (spec%drive%kind /= drive_over) cycle
-                    select case (spec%drive%side)
-                    case (side_torque)
-                        scale = book%scale**2
-                    case (side_voltage)
-                        scale = book%scale
-                    case (side_opening)
-                        scale = 1
-                    case default
-                        scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
-                    end select
                     samples%effort(i, :n) = 0
-                    call add(spec%drive%target, scale, samples%effort(i, :))
+                    call add(spec%drive%target, book%scale**effort_power(model, i), samples%effort(i, :))
                 end associate
             end do
         end associate
