@@ -58,15 +58,16 @@ contains
         real(wp) :: start(place_size(model), model%n_link, n_attempt)
         logical :: is_known
 
-        call list_attempts(model, model%group(step%first), 1, state, start)
         ! Nothing is nearer than what the scene describes in full.
         is_known = all(model%scene%link(model%group(step%first)%link)%has_start)
         if (is_known) then
+            call list_attempts(model, model%group(step%first), 1, state, start(:, :, :1))
             call make_attempts(model, step%first, start(:, :, :1), state, found)
             is_known = found%given <= exact
         end if
         if (.not. is_known) then
             found = found_assemblies()
+            call list_attempts(model, model%group(step%first), 1, state, start)
             call make_attempts(model, step%first, start, state, found)
         end if
         n_found = merge(0, found%n, is_known)

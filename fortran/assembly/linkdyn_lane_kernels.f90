@@ -305,10 +305,6 @@ contains
         integer :: o
 
         o = orientation_of(model, l)
-        if (.not. (model%is_planar .or. present(ahead))) then
-            call pick_place(state%position(l), state%rotation(o), c, x)
-            return
-        end if
         rate = 0
         if (model%is_planar) then
             associate (r => state%plane%rotation(o), omega => state%plane%angular(:, level_velocity, o))
@@ -325,13 +321,10 @@ contains
                     if (present(ahead)) rate = omega*r%c
                 end select
             end associate
-        else if (c <= 3) then
-            x = part(state%position(l), c)
         else
-            associate (axis => axis_of(state%rotation(o), (c - 1)/3))
-                x = part(axis, modulo(c - 1, 3) + 1)
-                if (present(ahead)) rate = turning(state%omega(o), axis, modulo(c - 1, 3) + 1)
-            end associate
+            call pick_place(state%position(l), state%rotation(o), c, x)
+            if (present(ahead) .and. c > 3) &
+                rate = turning(state%omega(o), axis_of(state%rotation(o), (c - 1)/3), modulo(c - 1, 3) + 1)
         end if
         if (.not. present(ahead)) return
         if (c <= merge(2, 3, model%is_planar)) rate = rate_of_link(model, state, l, c, level_velocity)
