@@ -506,8 +506,7 @@ contains
         text = text//"]"
     end function strings
 
-    !> Enough digits to read the same number back.
-    !> With all its digits. Most are 0 or 1, which need none of the time that formatted output takes.
+    !> Enough digits to read the same number back. Most are 0 or 1, which need none of the time that formatted output takes.
     pure function number(value) result(text)
         real(wp), intent(in) :: value
         character(len=:), allocatable :: text

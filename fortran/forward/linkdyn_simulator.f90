@@ -135,16 +135,19 @@ contains
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: pressure(:, :)         !! (chamber, cylinder) [Pa]
         real(wp) :: given(size(pressure, 1), size(layout%pressure))     !! (chamber, n_actuator)
-        integer :: i, cylinder
 
         given = 0
-        cylinder = 0
-        do i = 1, size(layout%pressure)
-            if (layout%pressure(i) == 0) cycle
-            cylinder = cylinder + 1
-            given(:, i) = pressure(:, cylinder)
-        end do
+        given(:, cylinders_of(layout)) = pressure
     end function of_actuators
+
+    !> Actuators that are cylinders whose pressures are states.
+    pure function cylinders_of(layout) result(actuator)
+        type(state_layout), intent(in) :: layout
+        integer, allocatable :: actuator(:)
+        integer :: i
+
+        actuator = pack([(i, i=1, size(layout%pressure))], layout%pressure > 0)
+    end function cylinders_of
 
     !> Give back all but the model: the mechanism stands nowhere.
     subroutine leave(self)
@@ -321,16 +324,15 @@ contains
         class(simulator_type), intent(in) :: self
         real(wp), intent(inout) :: pressure(:, :)      !! (chamber, cylinder) [Pa]
         type(status_type), intent(inout) :: status
-        integer :: i, cylinder
+        integer, allocatable :: at(:)
+        integer :: k
 
         call need_place(self, status)
         if (.not. status%is_ok()) return
-        cylinder = 0
-        associate (place => self%system%layout%pressure)
-            do i = 1, size(place)
-                if (place(i) == 0) cycle
-                cylinder = cylinder + 1
-                pressure(:, cylinder) = pressures_of_state(self%model%scene%actuator(i)%cylinder, place(i), self%y(1, :))
+        associate (layout => self%system%layout)
+            at = cylinders_of(layout)
+            do k = 1, size(at)
+                pressure(:, k) = pressures_of_state(self%model%scene%actuator(at(k))%cylinder, layout%pressure(at(k)), self%y(1, :))
             end do
         end associate
     end subroutine read_pressures

@@ -2,7 +2,7 @@
 !>
 !> A tolerance of 1e-9 m is nothing to a crane and everything to a stage that oscillates by a micrometre, and no scene says which it
 !> is. The motion does: where the way gone so far is less than 0.01 (m, rad, m/s, ...) the tolerance is that much smaller. So a
-!> small motion has nearly the digits of a large one, and machines of the usual sizes take the steps that they always took.
+!> small motion has digits, too, and machines of the usual sizes take the steps that they always took.
 !>
 !> What moves less than a hundredth of what moves most beside it is resolved as though it moved that much, and nothing more
 !> finely than numbers about 1 are rounded, unless the tolerance itself asks for it: what ought to stand still has only rounding
