@@ -37,7 +37,7 @@ contains
             is_sure = is_sure .and. model%step(i)%kind /= step_group
             call run_step(model, model%step(i), state)
             if (is_sure) state%out_of_reach = state%unreachable
-            is_sure = is_sure .and. .not. model%step(i)%has_branches
+            is_sure = is_sure .and. .not. model%step(i)%has_margin
         end do
         call flag_lost(state)
     end subroutine run_program
@@ -178,7 +178,7 @@ contains
         n_place = n - 2*link_freedom(model)
         call take_places(model, use, found(:, :n_place), state)
         call set_rates(model, model%part(use%step), level_velocity, found(:, n_place + 1:n), state)
-        if (.not. step%has_branches) return
+        if (.not. step%has_margin) return
         state%margin(:, step%first) = found(:, n + 1)
         state%drift(:, step%first) = found(:, n + 2)
     end subroutine take_way

@@ -13,7 +13,7 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, is_dyad, scene_size, &
+    use linkdyn_model, only: model_type, step_type, step_pose, step_prp, is_dyad, scene_size, &
         link_freedom, place_size, repeats, gives_attitude, attitude_angles
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_newton_group, only: n_shift, shifted
@@ -39,6 +39,7 @@ module linkdyn_led_mechanism
         real(wp), allocatable :: branch(:, :)        !!                                          (lane, n_branch)
         real(wp), allocatable :: place(:, :, :), rate(:, :, :)    !! of the groups' links, per whole way
                                                      !! (lane, place_size, n_link), (lane, link_freedom, n_link)
+        real(wp), allocatable :: slide(:, :)         !! at the axes of slides, where the mechanism stands (lane, n_joint)
     contains
         procedure :: try => try_on_way
         procedure :: take => take_on_way
@@ -156,8 +157,7 @@ contains
     pure logical function follows_assembly(model)
         type(model_type), intent(in) :: model
 
-        follows_assembly = size(model%group) > 0 .or. any(model%step%kind == step_rrr .or. model%step%kind == step_rrp &
-                                                          .or. model%step%kind == step_rpr .or. model%step%kind == step_csp)
+        follows_assembly = size(model%group) > 0 .or. any(model%step%has_margin)
     end function follows_assembly
 
     !> Lead the mechanism from `from` to the coordinates of the state on the lanes that go.
@@ -193,6 +193,7 @@ contains
         led%to = state%q
         led%branch = state%branch
         led%least_margin = model%least_margin
+        led%slide = state%slide(:, 1, :)
         allocate (led%turn(lanes, 3, model%n_attitude))
         led%turn = 0
         target_quaternion = state%quaternion
@@ -273,6 +274,10 @@ contains
                 found%drift(:, :model%n_branch) = 0
             end if
             found%is_closed = .not. (state%unreachable .or. state%not_converged)
+            do k = 1, size(model%step)
+                if (model%step(k)%kind == step_prp) &
+                    found%shift(:, model%step(k)%first) = shift_of_slides(model, model%step(k), state, self%slide)
+            end do
             do g = 1, size(model%group)
                 found%speed(:, model%n_branch + g) = speed_of_group(model, state, g)
                 found%shift(:, model%n_branch + g) = shift_of_group(model, state, self%place, g)
@@ -312,6 +317,19 @@ contains
         shift = shift/scene_size(model)
     end function shift_of_group
 
+    !> How far a hinge has gone along both slides that carry it, as a part of the mechanism's size.
+    pure function shift_of_slides(model, step, state, slide) result(shift)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: slide(:, :)              !! from there (lane, n_joint)
+        real(wp) :: shift(lanes)
+
+        associate (outer => step%joint([1, 3]))
+            shift = maxval(abs(state%slide(:, 1, outer) - slide(:, outer)), dim=2)/scene_size(model)
+        end associate
+    end function shift_of_slides
+
     !> Orientations given by quaternions, on the way.
     subroutine turn_attitudes(self, part)
         class(led_mechanism), intent(inout) :: self
@@ -340,6 +358,9 @@ contains
         associate (model => self%model, state => self%state)
             do k = 1, model%n_branch
                 where (is_taken) self%branch(:, k) = state%branch(:, k)
+            end do
+            do k = 1, size(self%slide, 2)
+                where (is_taken) self%slide(:, k) = state%slide(:, 1, k)
             end do
             do g = 1, size(model%group)
                 do i = 1, size(model%group(g)%link)
@@ -401,7 +422,7 @@ contains
         drift = 0
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (.not. step%has_branches) cycle
+                if (.not. step%has_margin) cycle
                 if (state%has_margins .and. is_dyad(step%kind)) then
                     margin(:, step%first) = state%margin(:, step%first)
                     drift(:, step%first) = state%drift(:, step%first)

@@ -11,7 +11,7 @@ module linkdyn_planar_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
-    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, is_length, &
+    use linkdyn_model, only: model_type, step_type, group_type, step_prp, step_group, is_dyad, is_length, &
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: joint_prismatic
@@ -76,7 +76,8 @@ contains
         logical :: has_hints, fits
 
         forced = forced_branch(model, step, status)
-        if (.not. any(step%kind == [step_rrr, step_rrp, step_rpr])) return
+        if (step%kind == step_prp) call take_side(model, step, state)
+        if (.not. step%has_branches) return
         has_hints = has_start(model, step%link, step%joint)
         fits = .false.
         if (.not. has_hints) fits = fits_as_written(model, step%link, step%joint, state%plane)
@@ -95,6 +96,21 @@ contains
         state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
+    !> Of two slides: the side to which one is turned off the other at the start.
+    subroutine take_side(model, step, state)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        logical :: is_lost(size(state%unreachable))
+
+        is_lost = state%unreachable
+        state%unreachable = .false.
+        call run_step(model, step, state)
+        if (state%unreachable(1)) model%branch(step%first) = -1
+        state%unreachable = is_lost
+        state%branch(:, step%first) = model%branch(step%first)
+    end subroutine take_side
+
     !> The branch written at a joint of the dyad; 0: none.
     integer function forced_branch(model, step, status) result(branch)
         type(model_type), intent(in) :: model
@@ -106,7 +122,7 @@ contains
         do i = 1, 3
             associate (spec => model%scene%joint(step%joint(i)))
                 if (spec%branch == 0) cycle
-                if (.not. any(step%kind == [step_rrr, step_rrp, step_rpr])) then
+                if (.not. step%has_branches) then
                     call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: " &
                               //"a dyad with two slides has one assembly")
                 else if (branch == -spec%branch) then

@@ -109,7 +109,7 @@ contains
         call add(in_target, [((follows_target(model%scene%actuator(k)%drive) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
         call add(in_effort, [((request%motion_is_given .or. is_given(model%scene%actuator(k)%drive)) .and. is_known(k), &
                               k=1, model%n_actuator)])
-        call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k) .and. .not. request%motion_is_given, &
+        call add(in_branch, [(any(model%step%has_margin .and. model%step%first == k) .and. .not. request%motion_is_given, &
                               k=1, model%n_branch)])
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
         call add(in_base, base_is_felt(model))

@@ -97,7 +97,7 @@ contains
                     if (.not. is_needed(i)) cycle
                 end if
                 way = one()
-                if (step(i)%has_branches) way = branch(step(i)%first)
+                if (step(i)%has_margin) way = branch(step(i)%first)
                 if (merged) then
                     call run_step(traced%mechanism, step(i), way, traced%place, traced%system)
                 else

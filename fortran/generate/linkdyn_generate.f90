@@ -267,7 +267,7 @@ contains
         allocate (code%branch_at(model%n_branch))
         code%branch_at = ""
         do i = 1, size(model%step)
-            if (model%step(i)%has_branches) code%branch_at(model%step(i)%first) = model%joint(model%step(i)%joint(2))%name
+            if (model%step(i)%has_margin) code%branch_at(model%step(i)%first) = model%joint(model%step(i)%joint(2))%name
         end do
     end subroutine name_assemblies
 

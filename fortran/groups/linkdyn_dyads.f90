@@ -9,7 +9,7 @@ module linkdyn_dyads
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, root_of, &
         least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
-    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
+    use linkdyn_value, only: value, zero, is_constant, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
     use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.rotate.)
     implicit none (type, external)
@@ -47,7 +47,7 @@ contains
         case (step_rpr)
             call place_rpr(mechanism, half, branch)
         case (step_prp)
-            call place_prp(mechanism, half)
+            call place_prp(mechanism, half, branch)
         case (step_ppr)
             call place_ppr(mechanism, half)
         end select
@@ -149,21 +149,24 @@ contains
         end do
     end subroutine place_rpr
 
-    !> Two slides and a hinge between: C where both lines meet.
-    subroutine place_prp(mechanism, half)
+    !> Two slides and a hinge between: C where both lines meet. As the lines become parallel C goes away without end, and what
+    !> closes beyond is not what the motion comes to; the branch is the side on which the second line is turned off the first.
+    subroutine place_prp(mechanism, half, branch)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
+        type(value), intent(in) :: branch
         type(vector) :: u(2), gap
-        type(value) :: per
+        type(value) :: sine, per
         integer :: i
 
         do i = 1, 2
             call turn_with_known(mechanism, half(i))
             u(i) = slide_direction(mechanism, half(i))
         end do
-        call must_be_positive(mechanism, square(left_of(u(1)) .dot.u(2)) - least_square)
+        sine = left_of(u(1)) .dot.u(2)
+        call must_turn_off(mechanism, sine, branch)
         gap = point_at_zero(mechanism, half(2)) - point_at_zero(mechanism, half(1))
-        per = reciprocal(left_of(u(1)) .dot.u(2))
+        per = reciprocal(sine)
         call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
         call slide_out(mechanism, half(2), u(2), -(per*(left_of(u(1)) .dot.gap)))
     end subroutine place_prp
@@ -237,6 +240,20 @@ contains
     end subroutine find_ways
 
     ! ---------------------------------------------------------------- geometry
+
+    !> Two lines are not parallel, and turned off each other to the side that the branch says; lines that do not turn stay there.
+    subroutine must_turn_off(mechanism, sine, branch)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(value), intent(in) :: sine, branch
+
+        if (is_constant(sine)) then
+            call must_be_positive(mechanism, square(sine) - least_square)
+        else if (mechanism%keeps_at_limits) then
+            mechanism%closes = [mechanism%closes, branch*sine]
+        else
+            call must_be_positive(mechanism, branch*sine - sqrt(least_square))
+        end if
+    end subroutine must_turn_off
 
     !> A vector of the plane turned left by a right angle.
     function left_of(v) result(w)

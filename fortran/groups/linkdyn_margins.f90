@@ -6,7 +6,7 @@
 module linkdyn_margins
     use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_csp, side_of
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, side_of
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -27,7 +27,7 @@ contains
         do i = 1, size(mechanism%model%step)
             associate (step => mechanism%model%step(i), k => mechanism%model%step(i)%first)
                 select case (step%kind)
-                case (step_rrr, step_rrp)
+                case (step_rrr, step_rrp, step_prp)
                     call margin_of_turning(mechanism, step, margin(k), drift(k))
                 case (step_rpr)
                     call margin_of_pair(mechanism, step, margin(k), drift(k))

@@ -151,7 +151,9 @@ module linkdyn_model
         integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, CSP groups, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
-        logical :: has_branches = .false.     !! there are two ways to close: see the model's `branch`
+        logical :: has_branches = .false.     !! there are two ways to close at one place: see the model's `branch`
+        logical :: has_margin = .false.       !! `branch` tells its assemblies apart, of which a motion may come to the end: see
+                                              !! `linkdyn_margins`
         integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
         integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1
         integer :: number = 0                 !! in the plan

@@ -416,6 +416,7 @@ contains
         model%n_branch = model%n_dyad
         step%first = model%n_dyad
         step%has_branches = any(step%kind == [step_rrr, step_rrp, step_rpr])
+        step%has_margin = step%has_branches .or. step%kind == step_prp
         call add_step(plan, step)
     end subroutine close_dyad
 
@@ -511,6 +512,7 @@ contains
         model%n_branch = model%n_branch + 1
         step%first = model%n_branch
         step%has_branches = .true.
+        step%has_margin = .true.
         call add_step(plan, step)
     end subroutine close_csp_group
 

@@ -95,7 +95,7 @@ contains
                 if (own%kind /= step_pose) call lead_joint(part, n, 1, k)
             end do
             part%model%n_dyad = merge(1, 0, is_dyad(own%kind))
-            part%model%n_branch = merge(1, 0, own%has_branches)
+            part%model%n_branch = merge(1, 0, own%has_margin)
             part%model%n_attitude = merge(1, 0, gives_attitude(model, own))
         end if
         own%first = merge(1, 0, own%first > 0)
@@ -103,7 +103,8 @@ contains
         part%model%step = [own]
         call end_part(part)
         part%key = part%key//" step"//listed([own%kind, own%first, own%coordinate, own%branch, own%turn, &
-                                              merge([1, 1, 1], 0, [own%has_branches, own%from_second, own%base_moves])])
+                                              merge([1, 1, 1, 1], 0, [own%has_branches, own%has_margin, own%from_second, &
+                                                                      own%base_moves])])
     end subroutine take_step
 
     subroutine take_group(model, group, part)

@@ -131,7 +131,7 @@ contains
         allocate (recorded%model, recorded%pool)
         call prepare_forces(model, q, stand, recorded%model, request, sample, is_planned, place)
         if (.not. is_planned) return
-        recorded%needs_branches = any(recorded%model%step%has_branches)
+        recorded%needs_branches = any(recorded%model%step%has_margin)
         recorded%needs_places = size(recorded%model%group) > 0
         if (present(by_work)) request%by_work = by_work
         request%has_friction = size(model%contact) > 0 .and. any(needs_equations(wanted))
