@@ -34,9 +34,11 @@ module linkdyn_assembly_trail
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, &
+    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, longest_stride, make_room, place_sample, &
         keep_lane, begin_trail, judges_like_lanes, start_places
     public :: reached_straight, reached_crossing, reached_anew, reached_name
+
+    integer, parameter :: shortest_stride = 64    !! samples
 
     ! ---- how a sample was reached
     integer, parameter :: reached_straight = 0    !! by continuity from the sample before, or it is on its own
@@ -77,6 +79,7 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:)          !! (n_branch)
         real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
         type(kinematic_state) :: state
+        type(stride_type) :: stride                 !! scratch
         ! ---- ends of the assembly, while it is lost
         type(dead_end) :: beyond_last               !! on ways from the last sample that could be reached
         type(dead_end) :: beyond_start              !! on ways from the scene's start, for groups
@@ -184,10 +187,7 @@ contains
         class(margin_source), pointer, intent(in), optional :: margins    !! of closed forms, at many places at once
         class(group_closer), pointer, intent(in), optional :: closer      !! makes the groups' steps; null or absent: nobody else
         class(margin_source), pointer :: forms
-        type(stride_type) :: scratch
-        integer, parameter :: shortest = 64          !! samples of a stride
-        integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
-        integer :: n_done, goal, n, stride, longest
+        integer :: n_done, goal, stride, longest
         logical :: strides
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
@@ -202,9 +202,7 @@ contains
         strides = (associated(forms) .or. model%n_branch == 0) .and. &
                   (associated(trail%state%group%closer) .or. size(model%group) == 0)
         n_done = 0
-        n = model%n_q + model%n_branch
-        if (size(model%group) > 0) n = n + place_size(model)*model%n_link
-        longest = shortest*max(1, room/(shortest*max(1, n)))
+        longest = longest_stride(model)
         stride = longest
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
@@ -214,15 +212,26 @@ contains
             if (strides) then
                 goal = min(n_done + stride, size(q, 2))
                 stride = min(longest, 2*stride)
-                call stride_on(model, q(:, n_done + 1:goal), trail, assembly, n_done, forms, scratch)
+                call stride_on(model, q(:, n_done + 1:goal), trail, assembly, n_done, forms)
                 if (n_done == goal) cycle
                 ! Where lanes have to help, what lies beyond may be in vain.
-                stride = shortest
+                stride = shortest_stride
             end if
             call go_on(model, q, trail, assembly, n_done)
         end do
         nullify (trail%state%group%closer)
     end subroutine follow_assembly
+
+    !> Samples of a stride: what is found of them stays in the cache.
+    pure integer function longest_stride(model)
+        type(model_type), intent(in) :: model
+        integer, parameter :: room = 30000           !! numbers
+        integer :: n
+
+        n = model%n_q + model%n_branch
+        if (size(model%group) > 0) n = n + place_size(model)*model%n_link
+        longest_stride = shortest_stride*max(1, room/(shortest_stride*max(1, n)))
+    end function longest_stride
 
     !> The trail has come to a lane's place.
     subroutine come_to(model, lane, q, trail)
@@ -283,29 +292,28 @@ contains
     end subroutine go_on
 
     !> Take the next samples, as long as every step is believed.
-    subroutine stride_on(model, q, trail, assembly, n_done, margins, stride)
+    subroutine stride_on(model, q, trail, assembly, n_done, margins)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! of the next samples (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
         class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
-        type(stride_type), intent(inout) :: stride   !! scratch
         integer :: n, i
 
-        call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, stride)
-        n = stride%n_believed
+        call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, trail%stride)
+        n = trail%stride%n_believed
         do i = n_done + 1, n_done + n
             assembly%branch(:, i) = trail%branch
         end do
         if (size(model%group) > 0) then
-            assembly%q(:, n_done + 1:n_done + n) = stride%at(:, 1:n)
-            assembly%place(:, :, n_done + 1:n_done + n) = stride%groups%place(:, :, 1:n)
-            assembly%margin(:, n_done + 1:n_done + n) = stride%groups%margin(:, 1:n)
-            trail%place = stride%groups%place(:, :, n)
+            assembly%q(:, n_done + 1:n_done + n) = trail%stride%at(:, 1:n)
+            assembly%place(:, :, n_done + 1:n_done + n) = trail%stride%groups%place(:, :, 1:n)
+            assembly%margin(:, n_done + 1:n_done + n) = trail%stride%groups%margin(:, 1:n)
+            trail%place = trail%stride%groups%place(:, :, n)
         end if
         n_done = n_done + n
-        trail%q = stride%at(:, n)
+        trail%q = trail%stride%at(:, n)
     end subroutine stride_on
 
     !> Are margins those that the lanes find? Asked once of each source, at representative places on the start's assembly:

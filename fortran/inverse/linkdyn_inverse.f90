@@ -3,8 +3,8 @@
 !> First it is found where the links of each sample are looked for, then the scene's record does what it can, and lanes do the rest
 !> (`linkdyn_lane_batch`). Samples are independent: results do not depend on threads. A sample that fails is NaN.
 module linkdyn_inverse
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
-        reached_straight
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, longest_stride, make_room, &
+        place_sample, reached_straight
     use linkdyn_catalogue, only: result_reaction, result_joint_variable, result_joint_rate
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, &
@@ -21,11 +21,11 @@ module linkdyn_inverse
     use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, has_assemblies
+    use linkdyn_model, only: model_type, has_assemblies, place_size
     use linkdyn_motion_batch, only: motion_batch
     use linkdyn_recorded_forces, only: recorded_forces
     use linkdyn_recorded_margins, only: recorded_margins
-    use linkdyn_roads, only: road_counts
+    use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_undefined
     use linkdyn_turns, only: turn_count
@@ -193,41 +193,35 @@ contains
         real(wp), intent(in), optional, target :: contact_sense(:, :)   !! of joints that may stick, as of `friction_space`
                                                                 !! (n_contact, n); absent: 0
         type(motion_batch) :: motion
-        type(lane_batch) :: batch
-        type(sample_assembly), target :: assembly
         type(recorded_forces), pointer :: recorded
         type(recorded_margins), target :: by_record
-        class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
-        logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions; absent: nobody asks
-        real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
-        integer :: n, n_all, i
-        logical :: has_stand_ins, is_on_way, counts_turns, some_turned, all_turned
+        type(inverse_results) :: part
+        integer :: n, first, last, length
 
-        n = size(q, 2)
-        n_all = max(n, solver%n_expected)
         call take_motion()
-        has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
-        is_on_way = present(known) .or. (present(trail) .and. n > 0)
-        counts_turns = present(turns) .and. results%wants(result_joint_variable)
-        if (counts_turns .and. .not. (present(own) .or. results%wants(result_joint_rate))) then
-            allocate (own_rate(model%n_variable, n))
-            call results%put(result_joint_rate, own_rate)
+        n = size(q, 2)
+        nullify (recorded, closer)
+        call look_for_programs(max(n, solver%n_expected))
+        length = n
+        if (.not. present(known)) length = samples_of_a_round(model, n)
+        if (length == n) then
+            call run_round(model, solver, threads, motion, recorded, by_record, closer, results, trail, known, own, turns)
+            return
         end if
-        some_turned = .false.
-        if (present(quaternion)) some_turned = any(quaternion /= 0)
-        if (some_turned .or. counts_turns) turned = [(motion%is_turned(i), i=1, n)]
-        all_turned = .false.
-        if (some_turned) all_turned = all(turned)
-        nullify (recorded, margins, closer)
-        call look_for_programs()
-        call place_links()
-        if (associated(results%load)) call tell_loads()
-        call plan_lanes()
-        if (associated(recorded)) call run_by_record(model, recorded, threads, motion, batch%stand, results, batch%n, batch%sample)
-        call run_lanes()
-        call tell_outcome(model, motion, batch, present(trail), is_on_way, results)
-        if (counts_turns) call count_turns()
+        results%roads = road_counts()
+        results%lost_sample = 0
+        do first = 1, n, length
+            last = min(n, first + length - 1)
+            part = part_of_results(results, first, last)
+            if (associated(results%load)) part%load => results%load(:, :, first:last)
+            call run_round(model, solver, threads, motion%part(first, last), recorded, by_record, closer, part, trail, own=own, &
+                           turns=turns)
+            results%roads = results%roads + part%roads
+            if (results%lost_sample > 0 .or. part%lost_sample == 0) cycle
+            results%lost_sample = first - 1 + part%lost_sample
+            results%lost_in_words = part%lost_in_words
+        end do
 
     contains
 
@@ -246,17 +240,87 @@ contains
         end subroutine take_motion
 
         !> The records and programs that serve, made when they are wanted first.
-        subroutine look_for_programs()
+        subroutine look_for_programs(n_all)
+            integer, intent(in) :: n_all                        !! samples of this batch and those to come
+            logical :: has_stand_ins, all_turned
+            integer :: i
+
+            has_stand_ins = .false.
+            if (present(own)) has_stand_ins = any(model%scene%coordinate%for_joint > 0)
+            all_turned = .false.
+            if (present(quaternion)) all_turned = all([(motion%is_turned(i), i=1, n)])
             if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
                 call need_closer(model, solver, q, closer)
             if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
                 (has_stand_ins .or. present(known) .or. all_turned .or. present(given_force))) then
                 call need_record(model, solver, results, q, recorded)
-                if (is_on_way) call need_margins(model, solver, q, by_record%record)
+                if (present(trail) .and. n > 0) call need_margins(model, solver, q, by_record%record)
                 by_record%threads = threads
-                if (associated(by_record%record)) margins => by_record
             end if
         end subroutine look_for_programs
+    end subroutine run_prepared
+
+    !> Where links are closed by iteration their places are found first, then the forces: what stands between has to stay in the cache.
+    pure integer function samples_of_a_round(model, n) result(length)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n                                !! samples of the batch
+        integer, parameter :: room = 65536                      !! numbers, half of a core's own cache on most processors
+
+        length = n
+        if (size(model%group) == 0) return
+        associate (stride => longest_stride(model))
+            length = min(n, stride*max(1, room/(stride*place_size(model)*model%n_link)))
+        end associate
+    end function samples_of_a_round
+
+    !> Samples that follow each other, or of which each is on its own, with the programs at hand.
+    recursive subroutine run_round(model, solver, threads, motion, recorded, by_record, closer, results, trail, known, own, turns)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in), target :: solver
+        integer, intent(in) :: threads
+        type(motion_batch), intent(in) :: motion
+        type(recorded_forces), pointer, intent(in) :: recorded  !! null: there are none
+        type(recorded_margins), intent(in), target :: by_record
+        class(group_closer), pointer, intent(in) :: closer      !! null: lanes close groups
+        type(inverse_results), intent(inout) :: results
+        type(assembly_trail), intent(inout), optional :: trail
+        type(sample_assembly), intent(in), optional, target :: known
+        type(model_type), intent(in), optional, target :: own
+        type(turn_count), intent(inout), optional :: turns
+        type(lane_batch) :: batch
+        type(sample_assembly), target :: assembly
+        class(margin_source), pointer :: margins
+        logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions; absent: nobody asks
+        real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
+        integer :: n, i
+        logical :: has_stand_ins, is_on_way, counts_turns, some_turned, all_turned
+
+        n = size(motion%q, 2)
+        has_stand_ins = .false.
+        if (present(own)) has_stand_ins = any(model%scene%coordinate%for_joint > 0)
+        is_on_way = present(known) .or. (present(trail) .and. n > 0)
+        counts_turns = .false.
+        if (present(turns)) counts_turns = results%wants(result_joint_variable)
+        if (counts_turns .and. .not. (present(own) .or. results%wants(result_joint_rate))) then
+            allocate (own_rate(model%n_variable, n))
+            call results%put(result_joint_rate, own_rate)
+        end if
+        some_turned = .false.
+        if (associated(motion%quaternion)) some_turned = any(motion%quaternion /= 0)
+        if (some_turned .or. counts_turns) turned = [(motion%is_turned(i), i=1, n)]
+        all_turned = .false.
+        if (some_turned) all_turned = all(turned)
+        nullify (margins)
+        if (associated(by_record%record)) margins => by_record
+        call place_links()
+        if (associated(results%load)) call tell_loads()
+        call plan_lanes()
+        if (associated(recorded)) call run_by_record(model, recorded, threads, motion, batch%stand, results, batch%n, batch%sample)
+        call run_lanes()
+        call tell_outcome(model, motion, batch, present(trail), is_on_way, results)
+        if (counts_turns) call count_turns()
+
+    contains
 
         !> Where the links of groups are, or on which assembly samples are.
         subroutine place_links()
@@ -265,9 +329,9 @@ contains
             if (present(known)) then
                 batch%stand => known
             else if (is_on_way) then
-                call follow_assembly(model, q, trail, assembly, margins, closer)
+                call follow_assembly(model, motion%q, trail, assembly, margins, closer)
             else if (needs_places(recorded)) then
-                call settle_samples(model, threads, q, assembly, closer, solver%places%nodes)
+                call settle_samples(model, threads, motion%q, assembly, closer, solver%places%nodes)
                 is_on_way = .true.
             else if (allocated(solver%at_start%status)) then
                 batch%stand => solver%at_start
@@ -288,10 +352,11 @@ contains
         subroutine tell_loads()
             real(wp) :: pull(size(model%scene%spring), n)
 
-            if (present(t)) then
-                call evaluate_load_laws(model, threads, q, qd, t, load, batch%stand, results%load, pull)
+            if (associated(motion%t)) then
+                call evaluate_load_laws(model, threads, motion%q, motion%qd, motion%t, motion%load, batch%stand, results%load, pull)
             else
-                call evaluate_load_laws(model, threads, q, qd, [0.0_wp], load, batch%stand, results%load, pull)
+                call evaluate_load_laws(model, threads, motion%q, motion%qd, [0.0_wp], motion%load, batch%stand, results%load, &
+                                        pull)
             end if
         end subroutine tell_loads
 
@@ -324,12 +389,12 @@ contains
             if (present(own)) then
                 call count_turns_about(own, results%of(result_joint_variable)%x, turns)
             else
-                call count_turns_on_way(model, solver%places%closing, q, qd, results%of(result_joint_rate)%x, turned, batch%stand, &
-                                        results%of(result_joint_variable)%x, turns)
+                call count_turns_on_way(model, solver%places%closing, motion%q, motion%qd, results%of(result_joint_rate)%x, &
+                                        turned, batch%stand, results%of(result_joint_variable)%x, turns)
             end if
             if (allocated(own_rate)) nullify (results%of(result_joint_rate)%x)
         end subroutine count_turns
-    end subroutine run_prepared
+    end subroutine run_round
 
     ! ---------------------------------------------------------------- what is told of a batch
 

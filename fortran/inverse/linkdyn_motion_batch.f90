@@ -19,6 +19,7 @@ module linkdyn_motion_batch
         real(wp), pointer :: contact_sense(:, :) => null()          !! of joints that may stick (n_contact, n)
     contains
         procedure :: is_turned
+        procedure :: part => part_of_motion
     end type motion_batch
 
 contains
@@ -31,4 +32,26 @@ contains
         is_turned = .false.
         if (associated(self%quaternion)) is_turned = any(self%quaternion(:, :, sample) /= 0)
     end function is_turned
+
+    !> Some samples, as if there were no others.
+    function part_of_motion(whole, first, last) result(part)
+        class(motion_batch), intent(in) :: whole
+        integer, intent(in) :: first, last                          !! samples
+        type(motion_batch) :: part
+
+        part%q => whole%q(:, first:last)
+        part%qd => whole%qd(:, first:last)
+        part%qdd => whole%qdd(:, first:last)
+        part%load => whole%load
+        if (size(whole%load, 3) > 1) part%load => whole%load(:, :, first:last)
+        part%t => whole%t
+        if (associated(whole%t)) then
+            if (size(whole%t) > 1) part%t => whole%t(first:last)
+        end if
+        if (associated(whole%quaternion)) part%quaternion => whole%quaternion(:, :, first:last)
+        if (associated(whole%given_force)) part%given_force => whole%given_force(:, first:last)
+        if (associated(whole%stop_force)) part%stop_force => whole%stop_force(:, first:last)
+        if (associated(whole%clutch_force)) part%clutch_force => whole%clutch_force(:, first:last)
+        if (associated(whole%contact_sense)) part%contact_sense => whole%contact_sense(:, first:last)
+    end function part_of_motion
 end module linkdyn_motion_batch
