@@ -194,7 +194,7 @@ contains
 
             self%numbers%of(block)%x = x
             if (self%is_loaded(i)) then
-                call run_on_lanes(lane, lanes, self%state, self%numbers, space, only_block=block)
+                call run_on_lanes(lane, lanes, self%state, self%numbers, space, only_blocks=[block])
             else
                 call run_on_lanes(lane, lanes, self%state, self%numbers, space)
             end if

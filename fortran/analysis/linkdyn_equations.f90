@@ -24,7 +24,7 @@ module linkdyn_equations
     use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, knows_slopes, pressing_forces
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
-    use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared
+    use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared, in_stop, in_clutch
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
@@ -42,7 +42,8 @@ module linkdyn_equations
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
-    public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, found_of, renew_equations
+    public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, solve_with_amounts
+    public :: found_of, renew_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -103,6 +104,7 @@ module linkdyn_equations
         integer, allocatable, private :: wanted(:)      !! results beside these, `result_*`, `out_*`
         logical, private :: has_sliding = .false.
         logical, private :: is_left(lanes) = .false.    !! by the elimination
+        integer, private :: n_loaded = 0                !! lanes whose motion, loads and all else but forces the solving kernel has
     contains
         procedure :: free
     end type equation_workspace
@@ -306,6 +308,7 @@ contains
         call free_lane_space(self%of_answers)
         nullify (self%solving, self%answers)
         self%has_sliding = .false.
+        self%n_loaded = 0
     end subroutine free
 
     !> Kinematics, assembly and solution of the block whose coordinates and loads are in the workspace.
@@ -352,18 +355,29 @@ contains
     end subroutine judge_motion
 
     !> Solution where the kinematics is up to date. Driving forces that are found are those with what the rotors take.
-    subroutine solve_equations(model, equations, workspace)
+    subroutine solve_equations(model, equations, workspace, is_free_of_friction)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        logical, intent(in), optional :: is_free_of_friction   !! how much contacts rub is found otherwise; absent: false
+        logical :: rubs
 
         call judge_motion(model, workspace)
+        workspace%n_loaded = 0
         call take_numbers(model, workspace%state, workspace%load, workspace%numbers)
         call find_sliding(model, equations, workspace)
         workspace%friction%has_slope = .false.
         where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         workspace%status_of_motion = workspace%status
-        call solve_with_friction(model, equations, workspace)
+        rubs = .true.
+        if (present(is_free_of_friction)) rubs = .not. is_free_of_friction
+        if (rubs) then
+            call solve_with_friction(model, equations, workspace)
+        else
+            workspace%friction%amount = 0
+            workspace%state%holding = 0
+            call solve_with_amounts(model, equations, workspace)
+        end if
     end subroutine solve_equations
 
     !> The same once more, where nothing but the pushes of stops and the forces of clutches has changed.
@@ -376,6 +390,17 @@ contains
         call take_pushes(workspace%state, workspace%numbers)
         call solve_with_friction(model, equations, workspace)
     end subroutine solve_again
+
+    !> The same with as much friction as `workspace%friction%amount` says. What presses then is told.
+    subroutine solve_with_amounts(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+
+        call take_pushes(workspace%state, workspace%numbers)
+        call solve_forces(model, equations, workspace)
+        call press_losses(model, equations%lossy, workspace%sense, workspace%transmitted, workspace%friction)
+    end subroutine solve_with_amounts
 
     subroutine solve_with_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
@@ -702,6 +727,7 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        integer, parameter :: forces(*) = [in_effort, in_friction, in_shared, in_stop, in_clutch]
         integer :: first
 
         if (.not. associated(workspace%solving)) &
@@ -709,7 +735,12 @@ contains
         workspace%is_left = .true.
         associate (lane => workspace%solving%solving, which => workspace%solving%solved_for)
             if (.not. lane%program%is_made) return
-            call run_on_lanes(lane, workspace%n_used, workspace%state, workspace%numbers, workspace%of_solving)
+            if (workspace%n_loaded == workspace%n_used) then
+                call run_on_lanes(lane, workspace%n_used, workspace%state, workspace%numbers, workspace%of_solving, forces)
+            else
+                call run_on_lanes(lane, workspace%n_used, workspace%state, workspace%numbers, workspace%of_solving)
+            end if
+            workspace%n_loaded = workspace%n_used
             first = first_output(lane, out_solution)
             workspace%numbers%of(in_unknown)%x(:, which) = workspace%of_solving%found(:, first:first + size(which) - 1)
             ! Written so that a NaN counts as an alarm.

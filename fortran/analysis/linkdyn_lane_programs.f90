@@ -121,13 +121,13 @@ contains
     end function first_output
 
     !> All outputs of the lanes used; the others are like the last of these.
-    subroutine run_on_lanes(lane, n_used, state, numbers, space, only_block)
+    subroutine run_on_lanes(lane, n_used, state, numbers, space, only_blocks)
         type(lane_program), intent(in) :: lane
         integer, intent(in) :: n_used
         type(kinematic_state), intent(in) :: state
         type(lane_numbers), intent(in) :: numbers
         type(lane_space), intent(inout) :: space
-        integer, intent(in), optional :: only_block    !! the other inputs are those of the run before, of lanes that fill one block
+        integer, intent(in), optional :: only_blocks(:)    !! the other inputs are those of the run before, of as many lanes
         integer :: first, k
 
         associate (program => lane%program%program)
@@ -158,13 +158,13 @@ contains
             integer :: k, i, g, output
 
             is_loaded = .false.
-            if (present(only_block)) is_loaded = lanes <= slots%lanes
+            if (present(only_blocks)) is_loaded = n_used <= slots%lanes
             if (.not. is_loaded) call load_motion(lane, state, first, n, slots%block)
             do k = 1, size(lane%program%input)
                 associate (segment => lane%program%input(k))
                     if (segment%block == in_motion) cycle
                     if (is_loaded) then
-                        if (segment%block /= only_block) cycle
+                        if (all(segment%block /= only_blocks)) cycle
                     end if
                     do i = 0, segment%n - 1
                         call put_lanes(n, numbers%of(segment%block)%x(first, segment%first + i), segment%slot + i, slots%block)

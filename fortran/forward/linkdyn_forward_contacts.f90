@@ -2,14 +2,15 @@
 !>
 !> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
+    use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
-    use linkdyn_equations, only: solve_again
+    use linkdyn_equations, only: solve_again, solve_with_amounts
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_friction_state, only: pressing_forces
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_status, only: sample_not_converged
+    use linkdyn_status, only: sample_not_converged, sample_locked
     implicit none (type, external)
 
 contains
@@ -30,32 +31,27 @@ contains
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
-    !> Where friction follows the reactions they are linear near by alone: `about` pushes that there are small ones beside these are taken,
-    !> but none below what forces count by (`least`): their difference would be rounding.
     module procedure find_responses
-        real(wp), parameter :: much = 1.0e4_wp, little = 1.0e-2_wp
-        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
+        real(wp), parameter :: much = 1.0e4_wp
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
         real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
         integer :: k, i, turn, n
 
         n = size(factor, 2)
         factor = self%workspace%friction%factor(:, :n)
         if (is_impact) self%workspace%friction%factor(:, :n) = 0
-        base = 0
-        if (present(about)) base = about
+        push = 0
         response = 0
         of_coordinates = 0
-        call accelerate(self, base, at_rest)
+        call accelerate(self, push, at_rest)
         own = self%workspace%acceleration
         largest = maxval(abs(own), dim=2)
         do k = 1, size(push, 2)
             if (.not. any(is_in_contact(:, k))) cycle
             unit = 1
-            if (present(about)) unit = max(little*maxval(abs(base), dim=2), least)
-            where (.not. unit > 0) unit = 1
-            do turn = 1, merge(1, 2, present(about))
-                push = base
-                push(:, k) = base(:, k) + unit
+            do turn = 1, 2
+                push = 0
+                push(:, k) = unit
                 call accelerate(self, push, away)
                 do i = 1, size(push, 2)
                     response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
@@ -73,72 +69,162 @@ contains
     !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
     !> the workspace become those with it.
     module procedure hold_variables
+        real(wp), dimension(lanes, n_held(self%model)) :: push, wanted
+        logical :: is_held(lanes, n_held(self%model))
+
+        associate (n => n_stop(self%model%scene))
+            is_held(:, :n) = self%stops%rests
+            is_held(:, n + 1:) = self%clutch%holds
+            wanted = 0
+            if (holds_anywhere(self%clutch)) wanted(:, n + 1:) = way_back(self, t)
+            if (size(self%equations%rub) > 0) then
+                call hold_what_rubs(self, is_held, wanted, push)
+            else
+                call hold_freely(self, is_held, wanted, push)
+            end if
+            call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
+            self%stops%push = push(:, :n)
+            self%clutch%applied = self%clutch%rub + push(:, n + 1:)
+            self%clutch%force = self%clutch%applied
+        end associate
+    end procedure hold_variables
+
+    !> Where nothing rubs accelerations are linear in pushes.
+    subroutine hold_freely(self, is_held, wanted, push)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_held(:, :)           !! (lane, n_held)
+        real(wp), intent(in) :: wanted(:, :)           !! accelerations of what is held (lane, n_held)
+        real(wp), intent(out) :: push(:, :)            !! (lane, n_held)
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
-        integer, parameter :: n_far = 2                !! turns with responses to large pushes, mostly enough
-        integer, parameter :: most_turns = 30          !! friction in joints changes with what is pushed
-        real(wp), parameter :: enough = 1.0e-14_wp     !! of the pushes
-        real(wp), parameter :: rounding = 1.0e-9_wp    !! of them, if it gets no less any more
-        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses: forces that count
-        real(wp), dimension(lanes, n_held(self%model)) :: push, away, change, wanted
-        real(wp) :: response(lanes, n_held(self%model), n_held(self%model))
-        real(wp) :: press(lanes, size(self%equations%rub))
-        real(wp), dimension(lanes) :: apart, part, part_before, pressed
-        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
-        logical :: is_held(lanes, n_held(self%model)), rubs
+        real(wp), dimension(lanes, size(push, 2)) :: away, change
+        real(wp) :: response(lanes, size(push, 2), size(push, 2)), of_coordinates(lanes, self%model%n_q, size(push, 2))
         integer :: turn
 
-        is_held(:, :n_stop(self%model%scene)) = self%stops%rests
-        is_held(:, n_stop(self%model%scene) + 1:) = self%clutch%holds
         call find_responses(self, is_held, .false., response, of_coordinates)
-        rubs = size(self%equations%rub) > 0
         push = 0
         call accelerate(self, push, away)
-        wanted = 0
-        if (holds_anywhere(self%clutch)) wanted(:, n_stop(self%model%scene) + 1:) = way_back(self, t)
-        apart = maxval(abs(wanted - away), dim=2, mask=is_held)
-        part_before = huge(1.0_wp)
-        pressed = 0                                    ! what holds may have but rounding of this to hold
-        if (rubs) then
-            call pressing_forces(self%equations%rub, self%workspace%friction, press)
-            pressed = maxval(press, dim=2)
-        end if
-        do turn = 1, merge(most_turns, n_turn, rubs)
-            if (turn > n_far) call find_responses(self, is_held, .false., response, of_coordinates, push, small*pressed)
+        do turn = 1, n_turn
             call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
             call accelerate(self, push, away)
-            part = maxval(abs(change), dim=2)/max(maxval(abs(push), dim=2), small*pressed, tiny(1.0_wp))
-            if (turn >= n_turn .and. all(part <= enough .or. (part >= part_before .and. part <= rounding))) then
-                if (.not. rubs) exit
-                if (all(stays())) exit
-            end if
-            part_before = part
         end do
-        ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
-        if (rubs) then
-            where (self%workspace%status == sample_ok .and. .not. stays()) self%workspace%status = sample_not_converged
-        end if
-        call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
-        self%stops%push = push(:, :n_stop(self%model%scene))
-        self%clutch%applied = self%clutch%rub + push(:, n_stop(self%model%scene) + 1:)
-        self%clutch%force = self%clutch%applied
+    end subroutine hold_freely
+
+    !> Where joints rub, how much depends on what presses, and that on the pushes. What presses and how what is held accelerates is linear
+    !> in pushes and in amounts of friction together: with what a unit of each does no equations of motion are left to be solved, but one for
+    !> each held variable and one for each contact.
+    subroutine hold_what_rubs(self, is_held, wanted, push)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_held(:, :)           !! (lane, n_held)
+        real(wp), intent(in) :: wanted(:, :)           !! accelerations of what is held (lane, n_held)
+        real(wp), intent(out) :: push(:, :)            !! (lane, n_held)
+        integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
+        type(contact_responses) :: found
+        integer :: turn, lane
+
+        push = 0
+        associate (workspace => self%workspace, friction => self%workspace%friction)
+            workspace%status = workspace%status_of_motion
+            call find_contact_responses(self, is_held, found)
+            workspace%status = workspace%status_of_motion
+            do turn = 1, n_turn
+                do lane = 1, self%n_used
+                    if (workspace%status_of_motion(lane) /= sample_ok) cycle
+                    call balance_contacts(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), &
+                                          lane, found, push(lane, :), friction%amount(lane, :), workspace%state%holding(lane))
+                    if (workspace%state%holding(lane) > 0) call flag_locked(lane)
+                end do
+                call spread_over_spare_lanes()
+                call push_and_rub(self, push, found%away)
+                call found%begin_there(push, friction%amount, friction%press)
+            end do
+            do lane = 1, self%n_used
+                if (workspace%status(lane) /= sample_ok) cycle
+                ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
+                if (.not. found%fits(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), lane, &
+                                     push(lane, :), friction%amount(lane, :), friction%press(lane, :, :))) &
+                    workspace%status(lane) = sample_not_converged
+            end do
+        end associate
 
     contains
 
-        !> Is what is held where it should be, but for rounding of what the pushes take away?
-        function stays()
-            logical :: stays(lanes)
-            real(wp), parameter :: still = 1.0e-8_wp
-            real(wp) :: taken(lanes)
-            integer :: k
+        subroutine flag_locked(lane)
+            integer, intent(in) :: lane
 
-            taken = apart
-            do k = 1, size(push, 2)
-                taken = max(taken, maxval(abs(response(:, :, k)), dim=2)*max(abs(push(:, k)), small*pressed))
+            self%workspace%status(lane) = sample_locked
+            associate (holding => self%workspace%state%holding(lane), n_contact => size(self%model%contact))
+                if (holding > n_contact) holding = n_contact + self%equations%lossy(holding - n_contact)
+            end associate
+        end subroutine flag_locked
+
+        !> Lanes that nobody looks at are like the last of the others.
+        subroutine spread_over_spare_lanes()
+            integer :: spare
+
+            do spare = self%n_used + 1, lanes
+                push(spare, :) = push(self%n_used, :)
+                self%workspace%friction%amount(spare, :) = self%workspace%friction%amount(self%n_used, :)
             end do
-            stays = .not. any(is_held, dim=2) .or. maxval(abs(wanted - away), dim=2, mask=is_held) <= still*taken
-        end function stays
-    end procedure hold_variables
+        end subroutine spread_over_spare_lanes
+    end subroutine hold_what_rubs
+
+    !> What presses, and accelerations away from stops and of slips, where stops and clutches push and contacts rub as they are told.
+    subroutine push_and_rub(self, push, away)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: push(:, :)             !! (lane, n_held)
+        real(wp), intent(out) :: away(:, :)            !! (lane, n_held)
+
+        associate (state => self%workspace%state, n => n_stop(self%model%scene))
+            if (.not. self%held%is_measured) call measure_held(self%model, state, self%held)
+            state%stop_force = push(:, :n)
+            state%clutch_force = self%clutch%rub + push(:, n + 1:)
+            call solve_with_amounts(self%model, self%equations, self%workspace)
+            state%stop_force = 0
+            state%clutch_force = self%clutch%rub
+            away = accelerations_with(self%held, self%workspace%acceleration - state%qdd)
+        end associate
+    end subroutine push_and_rub
+
+    !> What a unit push of each that holds does, and a unit of each contact's friction.
+    subroutine find_contact_responses(self, is_held, found)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_held(:, :)           !! (lane, n_held)
+        type(contact_responses), intent(out) :: found
+        real(wp), parameter :: much = 1.0e4_wp         !! of all forces: what they leave of the digits does not matter
+        real(wp), dimension(lanes, size(is_held, 2)) :: push, away
+        real(wp) :: force(lanes, size(self%equations%rub)), unit(lanes)
+        integer :: k
+
+        associate (workspace => self%workspace, friction => self%workspace%friction, rub => self%equations%rub)
+            friction%amount = 0
+            push = 0
+            call found%make_room(size(push, 2), size(rub))
+            call push_and_rub(self, push, found%away)
+            found%press = friction%press
+            call pressing_forces(rub, friction, force)
+            unit = much*max(1.0_wp, maxval(abs(force), dim=2), maxval(abs(workspace%driving_force), dim=2))
+            where (.not. unit <= huge(1.0_wp)) unit = 1
+            do k = 1, size(push, 2)
+                if (.not. any(is_held(:self%n_used, k))) cycle
+                push = 0
+                push(:, k) = unit
+                call push_and_rub(self, push, away)
+                call found%note_push(k, unit, away, friction%press)
+            end do
+            push = 0
+            do k = 1, size(rub)
+                ! about as much as it will be, for the digits' sake
+                unit = friction%factor(:, k)*max(maxval(force, dim=2), tiny(1.0_wp)/epsilon(1.0_wp))
+                if (.not. any(unit(:self%n_used) > 0)) cycle
+                friction%amount = 0
+                friction%amount(:, k) = unit
+                call push_and_rub(self, push, away)
+                call found%note_amount(k, unit, away, friction%press)
+            end do
+            friction%amount = 0
+        end associate
+    end subroutine find_contact_responses
 
     !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
     !> coordinates steps keep what is linear in them, and there is nothing to mend.

@@ -346,14 +346,12 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, about, least)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
-            real(wp), intent(in), optional :: about(:, :)  !! pushes that there are (lane, n_stop + n_clutch)
-            real(wp), intent(in), optional :: least(:)     !! there, too: pushes that are taken beside them, at least (lane)
         end subroutine find_responses
 
         module subroutine hold_variables(self, t)
@@ -656,6 +654,7 @@ contains
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
         type(standing_lanes), intent(inout), optional :: there    !! where they set out from; absent: from the accepted state
+        logical :: is_held
 
         self%watch%is_compared = .false.
         self%is_by_record = .false.
@@ -680,8 +679,9 @@ contains
             call drive_actuators(self, t, y)
             workspace%n_used = self%n_used
             if (n_clutch(model%scene) > 0) call rub_clutches(model, t, workspace, self%clutch)
-            call solve_equations(model, self%equations, workspace)
-            if (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)) call hold_variables(self, t)
+            is_held = rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)
+            call solve_equations(model, self%equations, workspace, is_free_of_friction=is_held .and. size(self%equations%rub) > 0)
+            if (is_held) call hold_variables(self, t)
             if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
             call pack_rates(model, self%layout, lanes, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, self%control, rate)
