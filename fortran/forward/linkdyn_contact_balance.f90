@@ -141,20 +141,21 @@ contains
         real(wp), intent(in) :: push(:), amount(:)     !! (held), (contact)
         real(wp), intent(in) :: press(:, :)            !! with both (n_press, contact) [N]
         real(wp), parameter :: still = 1.0e-8_wp, misfit = 1.0e-6_wp
+        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses: forces that count, which what holds may have but rounding of
         real(wp), dimension(size(push)) :: away, taken
         real(wp) :: force(size(contact))
         integer :: k
 
         away = self%away(lane, :)
         taken = abs(away)
-        do k = 1, size(push)
-            away = away + push(k)*self%away_by_push(lane, :, k)
-            taken = max(taken, abs(push(k)*self%away_by_push(lane, :, k)))
-        end do
         do k = 1, size(contact)
             force(k) = pressing(contact(k), press(:, k))
             away = away + amount(k)*self%away_by_amount(lane, :, k)
             taken = max(taken, abs(amount(k)*self%away_by_amount(lane, :, k)))
+        end do
+        do k = 1, size(push)
+            away = away + push(k)*self%away_by_push(lane, :, k)
+            taken = max(taken, abs(self%away_by_push(lane, :, k))*max(abs(push(k)), small*maxval(force)))
         end do
         fits = all(abs(wanted - away) <= still*maxval(taken, mask=is_held) .or. .not. is_held) &
                .and. all(abs(factor*force - amount) <= misfit*factor*maxval(force))

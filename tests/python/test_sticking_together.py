@@ -1,0 +1,66 @@
+"""Joints that stick beside others that stick or rub, in loops and platforms: what holds and what rubs are found together."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+HOLDS = 2
+
+
+def with_friction(name: str, joints: list[str], words: str) -> linkdyn.Scene:
+    """An example, joints of which stick."""
+    text = (EXAMPLES / name / "scene.toml").read_text(encoding="utf-8")
+    tables = (f'[[friction]]\njoint = "{joint}"\ncoulomb = 0.1\nsticking = true\n{words}\n' for joint in joints)
+    return linkdyn.Scene(text + "\n" + "\n".join(tables))
+
+
+@pytest.mark.parametrize("joints", [["J1"], ["J1", "J2"], ["J1", "J2", "J3"]])
+def test_held_by_nothing_but_rounding(joints: list[str]) -> None:
+    """At the first instant the drive carries 50 kN m of weight and nothing wants to move: rounding of these forces is all that there is to
+    hold, and no reason to stop. The linkage goes on as its drive wants."""
+    run = with_friction("fourbar_start", joints, 'radius = "10 mm"').forward(1.0)
+    assert not run.attrs["stopped"]
+    assert (run["status"].values == 0).all()
+    assert (run["clutch_state"].values[0] == HOLDS).all()
+    assert run.attrs["right_hand_sides"] < 20000
+
+
+def test_six_slides_of_a_hexapod_stick() -> None:
+    """All legs come to hold, and the platform to rest, and those that slide rub as Coulomb says."""
+    run = with_friction("stewart_forward", [f"leg{i}.P" for i in range(1, 7)], 'preload = "10 N"').forward(1.5)
+    assert not run.attrs["stopped"]
+    assert (run["status"].values == 0).all()
+    assert (run["clutch_state"].values[-1] == HOLDS).all()
+    assert (np.abs(run["qd"].values[-1]) <= 1e-12 * np.abs(run["qd"].values).max()).all()  # as clutches have no slip
+    force, slip = run["clutch_force"].values, run["clutch_slip"].values
+    slides = (run["clutch_state"].values != HOLDS) & (slip != 0)
+    # Coulomb's law with the preload and the reactions across each guide (they are measured at the second link's marker)
+    across = []
+    for i in range(1, 7):
+        reaction = run["reaction"].sel(joint=f"leg{i}.P").values
+        axis = leg_axis(run, i)
+        across.append(np.linalg.norm(reaction[:, :3] - (reaction[:, :3] * axis).sum(1, keepdims=True) * axis, axis=1))
+    want = -0.1 * (10 + np.transpose(across)) * np.sign(slip)
+    np.testing.assert_allclose(force[slides], want[slides], rtol=1e-7)
+
+
+def leg_axis(run, i: int) -> np.ndarray:
+    """From base to platform, of each sample: the way that a leg's slide goes."""
+    text = (EXAMPLES / "stewart_forward" / "scene.toml").read_text(encoding="utf-8")
+    point = {m[0]: np.array([float(x) for x in m[1].split(",")]) for m in re.findall(r"^([BP]\d) = \[([^\]]*)\]", text, re.M)}
+    x = run["q"].values
+    (a, b, c), (s, t, u) = np.cos(x[:, 3:]).T, np.sin(x[:, 3:]).T
+    zero = np.zeros_like(a)
+    one = zero + 1
+    stack = lambda *rows: np.moveaxis(np.array(rows), -1, 0)
+    turn = (stack([one, zero, zero], [zero, a, -s], [zero, s, a]) @ stack([b, zero, t], [zero, one, zero], [-t, zero, b])
+            @ stack([c, -u, zero], [u, c, zero], [zero, zero, one]))
+    way = x[:, :3] + turn @ point[f"P{i}"] - point[f"B{i}"]
+    return way / np.linalg.norm(way, axis=1, keepdims=True)
