@@ -49,7 +49,8 @@ enum {
     LINKDYN_SAMPLE_SINGULAR = 2,       /* the equations have no unique solution here */
     LINKDYN_SAMPLE_NOT_CONVERGED = 3,  /* an iteration ran out of steps */
     LINKDYN_SAMPLE_UNDEFINED = 4,      /* a force has no direction here, or a value is beyond all numbers */
-    LINKDYN_SAMPLE_BRANCH_LOST = 5     /* two assemblies meet on the way: which of them it is cannot be told */
+    LINKDYN_SAMPLE_BRANCH_LOST = 5,    /* two assemblies meet on the way: which of them it is cannot be told */
+    LINKDYN_SAMPLE_LOCKED = 6          /* friction grows with the forces that it takes to overcome it, without end */
 };
 
 typedef struct linkdyn_scene linkdyn_scene;

@@ -37,6 +37,13 @@ def energy() -> float:
     return float(linkdyn.load(SCENE).forward(t=[0.0, 1.0, 2.0], method="gbs").kinetic_energy[-1])
 
 
+def test_header_names_every_outcome_of_a_sample() -> None:
+    header = (ROOT / "fortran" / "api" / "linkdyn.h").read_text()
+    named = {name.lower(): int(value) for name, value in re.findall(r"LINKDYN_SAMPLE_(\w+) = (\d+)", header)}
+    status = linkdyn.load(SCENE).inverse(t=[0.0]).status
+    assert named == dict(zip(status.flag_meanings.split(), status.flag_values.tolist()))
+
+
 # ------------------------------------------------------------------------------------------------ the examples
 def test_c_example(compiled: Compiled, largest: np.ndarray, energy: float) -> None:
     printed = compiled("cc", EXAMPLES / "library_c" / "main.c", *STRICT)(SCENE)
