@@ -345,7 +345,7 @@ contains
         largest = maxval(abs(given))
         if (.not. largest > 0) then
             call refuse_value(place, key, node, "has length zero (expected a direction, for example "// &
-                merge("[1, 0]   ", "[0, 0, 1]", size(axis) == 2)//")", status)
+                trim(merge("[1, 0]   ", "[0, 0, 1]", size(axis) == 2))//")", status)
             return
         end if
         given = given/largest
