@@ -130,6 +130,8 @@ def test_links_of_a_chain_have_no_weights_of_their_own():
     [
         ({"links": ["couplr"]}, "unknown link"),
         ({"links": ["coupler"]}, "'coupler' does not turn about a hinge of the frame"),
+        ({"links": ["crank", "rocker", "crank"]}, "'crank' stands there twice"),
+        ({"links": []}, "links: names none .expected one at least of crank, rocker"),
         ({"minimise": "best"}, "unknown goal"),
         ({"minimise": "harmonics", "harmonics": (0,)}, "whole number from 1 on"),
         ({"minimise": "harmonics", "harmonics": (150,)}, "too many for 201 samples"),

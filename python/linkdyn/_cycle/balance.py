@@ -160,8 +160,12 @@ def balance(
         if name in scene.links and name not in hinged:
             raise InputError(f"balance: links: {name!r} does not turn about a hinge of the frame (expected one of {', '.join(hinged) or 'none'})")
         as_known("balance: links", name, hinged, "link")
-    if not chosen:
+        if chosen.count(name) > 1:
+            raise InputError(f"balance: links: {name!r} stands there twice, and each would take a part of its counterweight (expected it once)")
+    if not hinged:
         raise InputError("balance: no link turns about a hinge of the frame: there is no place for a counterweight")
+    if not chosen:
+        raise InputError(f"balance: links: names none (expected one at least of {', '.join(hinged)})")
     orders = _orders(harmonics)
     run = scene.inverse(want="joint_variable")
     if n := int((~good_samples(run)).sum()):
