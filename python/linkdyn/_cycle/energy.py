@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .._arguments import as_known, as_positive
+from .._arguments import as_known, as_number, as_positive
 from .._geometry.turns import turned_on
 from ..errors import InputError
 from ..results import need_result
@@ -134,26 +136,38 @@ def duty_cycle(phases: list[tuple[xr.Dataset | float, float]], quantity: str = "
     Raises
     ------
     InputError
-        No run among the phases, runs of different actuators, a time that is not above zero.
+        No run among the phases, runs of different actuators, a run without a sample that could be computed, a value that is no finite number,
+        a time that is not above zero.
     """
-    runs = [phase for phase, _ in phases if isinstance(phase, xr.Dataset)]
+    pairs = [_phase(i, phase) for i, phase in enumerate(phases)]
+    runs = [phase for phase, _ in pairs if isinstance(phase, xr.Dataset)]
     if not runs:
         raise InputError("duty_cycle: phases: there is no run among them (expected (run, seconds), and (value, seconds) of pauses)")
     first = need_result(runs[0], quantity, "duty_cycle")
     squares, whole = np.zeros(first.shape[1:]), 0.0
-    for i, (phase, seconds) in enumerate(phases):
-        duration = as_positive(f"duty_cycle: phases[{i}]: seconds", seconds)
+    for i, (phase, duration) in enumerate(pairs):
         if isinstance(phase, xr.Dataset):
             values = need_result(phase, quantity, "duty_cycle")
             if not values.isel(sample=0, drop=True).coords.to_dataset().drop_vars("time", errors="ignore").equals(
                     first.isel(sample=0, drop=True).coords.to_dataset().drop_vars("time", errors="ignore")):
                 raise InputError(f"duty_cycle: phases[{i}]: its {quantity} is of other parts than that of the first run")
+            if not good_samples(phase).any():
+                raise InputError(f"duty_cycle: phases[{i}]: all samples failed (expected a run of which some can be computed)")
             level = rms(values.values, shares(phase))
         else:
-            level = np.full(first.shape[1:], abs(float(phase)))
+            level = np.full(first.shape[1:], abs(phase))
         squares += duration * level**2
         whole += duration
     return first.isel(sample=0, drop=True).drop_vars("time", errors="ignore").copy(data=np.sqrt(squares / whole))
+
+
+def _phase(i: int, phase: Any) -> tuple[xr.Dataset | float, float]:
+    """A run or a constant value, and how long it lasts."""
+    if not isinstance(phase, (tuple, list)) or len(phase) != 2:
+        raise InputError(f"duty_cycle: phases[{i}]: expected (run, seconds) or (value, seconds)")
+    of, seconds = phase
+    duration = as_positive(f"duty_cycle: phases[{i}]: seconds", seconds)
+    return of if isinstance(of, xr.Dataset) else as_number(f"duty_cycle: phases[{i}]: value", of), duration
 
 
 def running(values: Values, over: Values) -> Values:
