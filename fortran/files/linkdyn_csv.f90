@@ -1,7 +1,8 @@
 !> Tables in CSV files: a header row with column names, then numbers.
 !>
 !> A column name may carry its unit in brackets: `roll [deg]`. Blank lines and lines that start with
-!> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header. What spreadsheets
+!> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header; those within double
+!> quotes are text, as in names that hold a comma. What spreadsheets
 !> write otherwise (decimal commas, units in round brackets or in a row of their own) is refused with its remedy.
 module linkdyn_csv
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
@@ -146,25 +147,27 @@ contains
         type(table_spec), intent(inout) :: table
         character(len=1), intent(out) :: separator
         type(status_type), intent(inout) :: status
+        character(len=len(text)) :: bare
         character(len=:), allocatable :: where, field
         integer :: n, i, first, last, bracket
 
         where = trim(file)//":"//to_text(line)//": "
+        call blank_quoted(text, bare)
         separator = ","
-        if (index(text, ",") == 0 .and. index(text, ";") > 0) separator = ";"
-        if (scan(text, ",;") == 0 .and. index(text, tab) > 0) separator = tab
+        if (index(bare, ",") == 0 .and. index(bare, ";") > 0) separator = ";"
+        if (scan(bare, ",;") == 0 .and. index(bare, tab) > 0) separator = tab
         n = 1
-        do i = 1, len(text)
-            if (text(i:i) == separator) n = n + 1
+        do i = 1, len(bare)
+            if (bare(i:i) == separator) n = n + 1
         end do
         allocate (table%column(n), table%unit(n))
         first = 1
         do i = 1, n
-            last = field_end(text, first, separator)
+            last = field_end(bare, first, separator)
             field = unquoted(text(first:last))
             table%unit(i) = ""
-            bracket = index(field, "[")
-            if (bracket > 0 .and. index(field, "]") == len(field)) then
+            bracket = index(field, "[", back=.true.)
+            if (bracket > 0 .and. index(field, "]", back=.true.) == len(field)) then
                 table%unit(i) = field(bracket + 1:len(field) - 1)
                 field = trim(field(:bracket - 1))
             end if
@@ -192,14 +195,16 @@ contains
         logical, intent(in) :: is_strict          !! nothing but finite numbers
         type(table_spec), intent(inout) :: table
         type(status_type), intent(inout) :: status
+        character(len=len(text)) :: bare
         real(wp) :: value
         integer :: i, first, last, n_used, n_column
 
         n_column = size(table%column)
+        call blank_quoted(text, bare)
         first = 1
         last = 0
         do i = 1, n_column
-            last = field_end(text, first, separator)
+            last = field_end(bare, first, separator)
             if (i < n_column .and. last == len(text)) then
                 call refuse_row("has "//to_text(i)//" of "//to_text(n_column)//" fields (expected all)")
                 return
@@ -360,14 +365,47 @@ contains
         last = last - 1
     end function field_end
 
-    !> A header field without blanks and double quotes around it.
+    !> A line whose double quotes, and what stands between them, are blanks; a quote that nothing closes is a letter.
+    pure subroutine blank_quoted(text, bare)
+        character(len=*), intent(in) :: text
+        character(len=*), intent(out) :: bare     !! as long as the text
+        integer :: first, length
+
+        bare = text
+        first = index(bare, '"')
+        do while (first > 0)
+            length = index(bare(first + 1:), '"')
+            if (length == 0) return
+            bare(first:first + length) = " "
+            first = index(bare, '"')
+        end do
+    end subroutine blank_quoted
+
+    !> A header field without blanks and double quotes around it; two quotes within these are one.
     pure function unquoted(text) result(field)
         character(len=*), intent(in) :: text
         character(len=:), allocatable :: field
+        integer :: i
 
         field = trim(adjustl(text))
-        if (len(field) >= 2) then
-            if (field(1:1) == '"' .and. field(len(field):) == '"') field = trim(adjustl(field(2:len(field) - 1)))
-        end if
+        if (len(field) < 2) return
+        if (field(1:1) /= '"' .or. field(len(field):) /= '"') return
+        field = trim(adjustl(field(2:len(field) - 1)))
+        i = index(field, '""')
+        do while (i > 0)
+            field = field(:i)//field(i + 2:)
+            i = following(field, i + 1)
+        end do
+
+    contains
+
+        !> Where the next two quotes stand, from a place on; 0 if nowhere.
+        pure integer function following(content, from) result(place)
+            character(len=*), intent(in) :: content
+            integer, intent(in) :: from
+
+            place = index(content(from:), '""')
+            if (place > 0) place = place + from - 1
+        end function following
     end function unquoted
 end module linkdyn_csv

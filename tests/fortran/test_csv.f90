@@ -23,6 +23,7 @@ contains
             new_test("separators", test_separators), &
             new_test("refusals", test_refusals), &
             new_test("as spreadsheets write it", test_spreadsheets), &
+            new_test("quoted names", test_quoted), &
             new_test("columns by name", test_columns), &
             new_test("long table", test_long)]
     end subroutine collect_csv
@@ -126,6 +127,26 @@ contains
         want = "a.csv: no column 'roll' (found 't', '"//heading//"'; the unit belongs in square brackets: 'roll ["//unit//"]')"
         call check(error, status%message == want, "got '"//trim(status%message)//"', want '"//want//"'")
     end subroutine expect_unit
+
+    !> As our own writer quotes them: a name may hold the separator, brackets and quotes.
+    subroutine test_quoted(error)
+        type(test_error), intent(inout) :: error
+        type(table_spec) :: table
+        type(status_type) :: status
+
+        call parse_csv('time [s],"q arm,[2]#1 [rad]","q ""a"" b [mm]"'//lf//"0,1,2"//lf, "a.csv", table, status)
+        call check(error, status%is_ok(), status%message)
+        call check(error, size(table%column) == 3, "number of columns")
+        call check(error, table%column(2) == "q arm,[2]#1" .and. table%unit(2) == "rad", "separator and brackets in a name")
+        call check(error, table%column(3) == 'q "a" b' .and. table%unit(3) == "mm", "quotes in a name")
+        call parse_csv('t;"x,1";y'//lf//"0;1;2"//lf, "a.csv", table, status)
+        call check(error, status%is_ok() .and. size(table%column) == 3, "semicolons and a quoted comma "//status%message)
+        call parse_csv('t,name,x'//lf//'0,"arm,2",5'//lf, "a.csv", table, status, takes_text=.true.)
+        call check(error, status%is_ok() .and. size(table%column) == 3, "quoted text in a row "//status%message)
+        call check_close(error, table%value(1, 3:), [5.0_wp], 0.0_wp, "number behind quoted text")
+        call parse_csv('t,x 5"'//lf//"0,1"//lf, "a.csv", table, status)
+        call check(error, status%is_ok() .and. size(table%column) == 2, "a quote that nothing closes "//status%message)
+    end subroutine test_quoted
 
     subroutine test_columns(error)
         type(test_error), intent(inout) :: error
