@@ -76,12 +76,28 @@ contains
         else if (value == 0) then
             buffer = "0"
         else
-            write (buffer, "(es24.5)") value
-            ! without the letter where the exponent has three digits
-            if (index(buffer, "E") == 0 .and. abs(value) <= huge(value)) write (buffer, "(es24.5e3)") value
+            text = scientific(value)
+            return
         end if
         text = trim(adjustl(buffer))
     end function real_to_text
+
+    !> Six digits at most and a power of ten, "2.5e-4"; "Infinity" and "NaN" as Fortran writes them.
+    pure function scientific(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=24) :: buffer
+        integer :: letter, last, exponent
+
+        write (buffer, "(es24.5e4)") value
+        text = trim(adjustl(buffer))
+        letter = index(text, "E")
+        if (letter == 0 .or. .not. abs(value) <= huge(value)) return
+        read (text(letter + 1:), *) exponent
+        last = verify(text(:letter - 1), "0", back=.true.)
+        if (text(last:last) == ".") last = last - 1
+        text = text(:last)//"e"//to_text(exponent)
+    end function scientific
 
     !> The name in single quotes, trimmed; of one longer than any name or usual path its beginning.
     pure function quoted(name) result(text)

@@ -225,4 +225,4 @@ def test_command_line(tmp_path: Path) -> None:
     worst = int(np.argmax(want.q_error.values[:, 0]))
     assert line.split()[2] == f"{want.q_error.values[worst, 0]:.1E}" and line.split()[5] == "J1"
     assert float(line.split()[4]) == pytest.approx(float(want.time[worst]), rel=1e-5)
-    assert summary.count("(the worst)") == 1 and "1.00000E-09 relative" in summary
+    assert summary.count("(the worst)") == 1 and "1e-9 relative" in summary
