@@ -24,7 +24,9 @@ from .errors import FileError, InputError, MissingFileError
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "need_result", "read", "result_shapes", "run_attributes"]
+__all__ = [
+    "FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "instants_of", "need_result", "read", "result_shapes", "run_attributes", "with_instants",
+]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -217,6 +219,21 @@ class RunTemplate:
         nothing = {name: np.broadcast_to(values.dtype.type(0), values.shape) for name, (_, values, _) in variables.items()}
         self._last = (n, data.copy(data=nothing) if n == n_before else None)
         return data
+
+
+def with_instants(run: xr.Dataset, instants: NDArray[np.float64]) -> xr.Dataset:
+    """A batch with the instants, (N,) or (1,), that its loads were taken at: no clock, for its samples need not follow each other."""
+    values = np.broadcast_to(instants, run.sizes["sample"]).copy()
+    return run.assign_coords(instant=("sample", values, {"units": "s", "long_name": "instant that the loads of the sample are taken at"}))
+
+
+def instants_of(run: xr.Dataset) -> NDArray[np.float64] | None:
+    """(N,) instants that loads of a run were taken at: its time, or what a batch was given; None: a batch without."""
+    for name in ("time", "instant"):
+        if name in run.coords:
+            values: NDArray[np.float64] = run[name].values
+            return values
+    return None
 
 
 def flag_attributes(flags: list[str]) -> dict[str, Any]:

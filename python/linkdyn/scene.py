@@ -30,7 +30,7 @@ from ._output import scene_inputs
 from ._pose import Pose, as_poses, attitude_variables, pose_columns, quaternion_of
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, MissingFileError, SceneError
-from .results import FILE, FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
+from .results import FILE, FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes, with_instants
 from .study import run_study
 from .sweep import run_sweep
 
@@ -494,8 +494,8 @@ class Scene:
             Loads beside those of the scene: marker ("platform.tool") to (N, 6) or (6,) values Fx Fy Fz [N] Mx My Mz
             [N m] in world axes; planar (N, 3) or (3,) Fx Fy Mz.
         t
-            (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
-            else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
+            (N,) or one instant [s] at which the scene's loads act, with ``q`` kept in the results as the coordinate ``instant``; default: the
+            scene's instants without ``q``, else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
         want
             "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "rcond", "singularity_distance" or
             several of them, or "all": the first seven (solver lapack has "rcond" among its checks); default: all that the solver
@@ -542,6 +542,8 @@ class Scene:
         outputs, roads, passed, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t), attitude)
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, passed, told)
+        if t is not None and not along_motion:
+            data = with_instants(data, self._instants(t))
         if pose:
             data = data.assign(attitude_variables(pose))
         data.encoding |= self._origin

@@ -358,3 +358,18 @@ def test_failed_samples_are_nan_and_told(crossing):
         assert np.isnan(values[bad]).all() and np.isfinite(values[~bad]).all()
     with pytest.raises(linkdyn.InputError, match="samples? failed"):
         run.linkdyn.energy()
+
+
+def test_a_batch_keeps_the_instants_of_its_loads():
+    """Shaking forces and causes of a batch took the loads of the instant 0, whatever instants it had been given."""
+    scene = linkdyn.new("slider-crank")
+    along, order = scene.inverse(), np.random.default_rng(1).permutation(201)
+    state = [values[order] for values in scene.motion()]
+    batch = scene.inverse(*state, t=scene.times()[order])
+    whole = along.linkdyn.shaking().force.values
+    assert np.ptp(along.linkdyn.shaking().force_by_cause.sel(cause="load").values) > 0.1 * np.abs(whole).max()
+    np.testing.assert_allclose(batch.linkdyn.shaking().force.values, whole[order], rtol=0, atol=1e-9 * np.abs(whole).max())
+    by_cause, atol = along.linkdyn.contributions().reaction.values[:, order], 1e-9 * float(np.abs(along.reaction).max())
+    np.testing.assert_allclose(batch.linkdyn.contributions().reaction.values, by_cause, rtol=0, atol=atol)
+    one = scene.inverse(*[values[60:61] for values in scene.motion()], t=scene.times()[60])
+    np.testing.assert_allclose(one.linkdyn.shaking().force.values[0], whole[60], rtol=1e-9)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._pose import poses_of
 from ..errors import InputError
+from ..results import instants_of
 from ..scene import Scene
 from .averages import good_samples
 
@@ -31,8 +32,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     Parameters
     ----------
     run
-        Results of `Scene.inverse`, or of `Scene.forward` of a scene with as many actuators as coordinates. Of a batch without time the scene's
-        loads are those at the instant 0.
+        Results of `Scene.inverse`, or of `Scene.forward` of a scene with as many actuators as coordinates. Of a batch to which no ``t`` was given
+        the scene's loads are those at the instant 0.
     scene
         The scene that was run.
 
@@ -131,7 +132,7 @@ def _forces(
         again = scene.inverse(t=time, want=wanted, wrench=wrench)
     else:
         states = (np.nan_to_num(run[name].values) for name in ("q", "qd", "qdd"))
-        again = scene.inverse(*states, pose=poses_of(run, scene) or None, t=time, want=wanted, wrench=wrench)
+        again = scene.inverse(*states, pose=poses_of(run, scene) or None, t=instants_of(run), want=wanted, wrench=wrench)
     return {name: again[name].values for name in wanted}
 
 

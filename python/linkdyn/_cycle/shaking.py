@@ -17,6 +17,7 @@ from .._arguments import as_floats
 from .._geometry.frame_motion import frame_rates, gravity_at, with_frame
 from .._geometry.kinematics import LinkMotion, link_motion
 from ..errors import InputError
+from ..results import instants_of
 from ..scene import Scene
 from .averages import good_samples
 
@@ -32,7 +33,7 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
     Parameters
     ----------
     run
-        Results of `Scene.inverse` or `Scene.forward`. Of a batch without time the scene's loads are those at the instant 0.
+        Results of `Scene.inverse` or `Scene.forward`. Of a batch to which no ``t`` was given the scene's loads are those at the instant 0.
     scene
         The scene that was run.
     about
@@ -120,9 +121,10 @@ def _bodies(motion: LinkMotion, run: xr.Dataset) -> Iterator[tuple[int, Vectors,
     payloads = motion.scene.description["payloads"]
     if not payloads:
         return
-    if "time" not in run.coords and motion.scene.description["wants_instants"]:
+    instants = instants_of(run)
+    if instants is None and motion.scene.description["wants_instants"]:
         raise InputError("shaking: the mass of a payload changes with time (expected a run along time)")
-    masses = motion.scene.payload_masses(run.time.values if "time" in run.coords else np.zeros(1))
+    masses = motion.scene.payload_masses(np.zeros(1) if instants is None else instants)
     for mass, payload in zip(masses.T, payloads):
         yield payload["link"], mass[:, np.newaxis], payload["at"], (mass[:, np.newaxis, np.newaxis] > 0) * _tensor(payload["inertia"])
 
@@ -137,8 +139,8 @@ def _loads(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors
     n, scene = len(motion.position), motion.scene
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     links = scene.description["links"]
-    has_time = "time" in run.coords
-    values = scene.load_values(run.time.values if has_time else np.zeros(1), run.q.values, run.qd.values, in_order=has_time)
+    instants = instants_of(run)
+    values = scene.load_values(np.zeros(1) if instants is None else instants, run.q.values, run.qd.values, in_order="time" in run.coords)
     given: list[tuple[int, str, Vectors]] = []
     for i, load in enumerate(scene.description["loads"]):
         wrench = np.broadcast_to(values[:, i], (n, 6))
