@@ -64,31 +64,33 @@ module linkdyn_constraint_rows
 contains
 
     !> The loop near the start of the scene: from where its links start, as far as it says so, else from where its joints do.
-    subroutine close_near_start(model, link, joint, loop, is_closed)
+    subroutine close_near_start(model, link, joint, loop, is_closed, nearer)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)
         type(loop_type), intent(out) :: loop
         logical, intent(out) :: is_closed
+        real(wp), intent(in), optional :: nearer        !! part of the usual way off the start
 
         is_closed = .false.
         if (any(model%scene%link(link)%has_start)) then
-            call make_loop(model, link, joint, loop, is_closed, by_links=.true.)
+            call make_loop(model, link, joint, loop, is_closed, by_links=.true., nearer=nearer)
             if (is_closed) call close_loop(model, loop, is_closed)
             if (is_closed) is_closed = .not. any_turned_over(loop)
         end if
         if (is_closed) return
-        call make_loop(model, link, joint, loop, is_closed)
+        call make_loop(model, link, joint, loop, is_closed, nearer=nearer)
         if (is_closed) call close_loop(model, loop, is_closed)
     end subroutine close_near_start
 
     !> Place the bodies one behind the other, each by the first joint that leads to it.
-    subroutine make_loop(model, link, joint, loop, is_connected, variant, by_links)
+    subroutine make_loop(model, link, joint, loop, is_connected, variant, by_links, nearer)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)
         type(loop_type), intent(out) :: loop
         logical, intent(out) :: is_connected
         integer, intent(in), optional :: variant        !! of the ways to be off the start: 0 by a little, 1, 2, ... far off
         logical, intent(in), optional :: by_links       !! links that have a start stand near it
+        real(wp), intent(in), optional :: nearer        !! part of the usual way off the start; absent: all of it
         integer :: body(0:model%n_link), i, from, turn
         real(wp) :: off
         logical :: is_placed(0:size(link)), goes_on
@@ -97,6 +99,7 @@ contains
         turn = 0
         if (present(variant)) turn = variant*size(joint)
         off = merge(off_start, far_off, turn == 0)
+        if (present(nearer)) off = nearer*off
         body = -1
         body(0) = 0
         body(link) = [(i, i=1, size(link))]

@@ -200,12 +200,9 @@ contains
         logical :: is_closed
         integer :: p, i, n
 
-        allocate (pose(0))
         joint = pack([(i, i=1, model%n_joint)], model%joint(:model%n_joint)%cam == 0)
-        call close_near_start(model, [(i, i=1, model%n_link)], joint, loop, is_closed)
-        if (is_closed) is_closed = .not. any_turned_over(loop)
-        if (.not. is_closed) return
-        call add_pose(model, loop, pose)
+        call first_pose(model, joint, pose)
+        if (size(pose) == 0) return
         if (size(pose(1)%whole, 2) == 0) return
         n = max(least_poses, min(most_poses, small/model%n_link**2))
         call add_way(model, 1, n/2, pose)
@@ -217,6 +214,59 @@ contains
             if (is_closed) call add_pose(model, loop, pose)
         end do
     end subroutine look_at_poses
+
+    !> A pose near the start; none if it cannot be closed. The mechanism may close in another way there, in which it moves less than
+    !> its coordinates say and nothing is redundant: a platform on four legs of a hinge and two universal joints with the platform
+    !> tilted. Then it is looked for nearer to the start, and all over the place.
+    subroutine first_pose(model, joint, pose)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint(:)
+        type(stressed_pose), allocatable, intent(out) :: pose(:)
+        type(stressed_pose), allocatable :: other(:)
+        type(loop_type) :: loop
+        logical :: is_closed
+        integer :: i, p
+
+        call close_near_start(model, [(i, i=1, model%n_link)], joint, loop, is_closed)
+        call take(pose)
+        do p = 1, 2*most_poses
+            if (size(pose) > 0) then
+                if (moves_enough(pose(1))) return
+            else if (p > 2) then
+                return                                  ! nothing closes near the start
+            end if
+            if (p <= 2) then
+                call close_near_start(model, [(i, i=1, model%n_link)], joint, loop, is_closed, nearer=0.1_wp**p)
+            else
+                call make_loop(model, [(i, i=1, model%n_link)], joint, loop, is_closed, p - 2)
+                if (is_closed) call close_loop(model, loop, is_closed, most=few_steps)
+            end if
+            call take(other)
+            if (size(other) == 0) cycle
+            if (size(pose) == 0) then
+                call move_alloc(other, pose)
+            else if (moves_enough(other(1))) then
+                call move_alloc(other, pose)
+            end if
+        end do
+
+    contains
+
+        subroutine take(pose)
+            type(stressed_pose), allocatable, intent(out) :: pose(:)
+
+            allocate (pose(0))
+            if (is_closed) is_closed = .not. any_turned_over(loop)
+            if (is_closed) call add_pose(model, loop, pose)
+        end subroutine take
+
+        !> Do the joints leave the freedoms that coordinates lead? A cam holds one that no row does.
+        logical function moves_enough(here)
+            type(stressed_pose), intent(in) :: here
+
+            moves_enough = size(here%rows%row, 1) - here%rows%n + size(here%whole, 2) - (model%n_joint - size(joint)) >= model%n_q
+        end function moves_enough
+    end subroutine first_pose
 
     !> Poses on the way from the first on, each the next one's beginning.
     subroutine add_way(model, sense, n, pose)
