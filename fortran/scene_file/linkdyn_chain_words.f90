@@ -11,7 +11,7 @@ module linkdyn_chain_words
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, joint_spec, link_spec, marker_spec, joint_revolute, joint_cylindrical, joint_universal, &
         joint_spherical
-    use linkdyn_scene_elastic, only: read_elastic, mirror_arms
+    use linkdyn_scene_elastic, only: read_elastic
     use linkdyn_scene_joints, only: start_of_joint, stiffness_of_joint
     use linkdyn_scene_keys, only: scene_place, place_at, refuse_value, refuse_missing, counted, allow_keys, require_table, &
         direction_of, get_direction, get_vector
@@ -23,7 +23,7 @@ module linkdyn_chain_words
     use linkdyn_units, only: length
     implicit none (type, external)
     private
-    public :: word_key, read_word_leg
+    public :: word_key, read_word_leg, read_stiffnesses
 
     character(len=10), parameter :: word_key(4) = [character(len=10) :: "axes", "links", "top_axis", "stiffness"]
     real(wp), parameter :: origin(3) = 0, x_axis(3) = [1, 0, 0], z_axis(3) = [0, 0, 1]
@@ -51,6 +51,8 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(drawn_leg) :: drawn
+        type(scene_place) :: inner
+        type(toml_node) :: list
         real(wp) :: to(3, most_letters)                    ! of each link [m]
         integer :: k, n
 
@@ -60,8 +62,7 @@ contains
         call read_axes(place, kind, scene%planar, drawn, status)
         if (.not. status%is_ok()) return
         do k = 1, n - 1
-            call read_link(place, leg, k, n - 1, scene%planar, scene%redundancy, drawn, scene%link(first_link + k - 1), to(:, k), &
-                           status)
+            call read_link(place, leg, k, n - 1, scene%planar, drawn, scene%link(first_link + k - 1), to(:, k), status)
         end do
         do k = 1, n
             associate (joint => scene%joint(first_joint + k - 1))
@@ -74,6 +75,11 @@ contains
         if (.not. status%is_ok()) return
         do k = 1, n
             call join_links(k)
+        end do
+        list = place%node%get("links")
+        do k = 1, n - 1
+            inner = place_at(place, list%at(k), "link "//quoted(scene%link(first_link + k - 1)%name))
+            call read_elastic(inner, scene%planar, scene%redundancy, scene%link(first_link + k - 1), status, diagonal(drawn%image))
         end do
 
     contains
@@ -215,12 +221,11 @@ contains
     end subroutine read_cross
 
     !> The k-th link of a leg: its mass properties, and where its next joint is.
-    subroutine read_link(place, leg, k, n, planar, redundancy, drawn, link, to, status)
+    subroutine read_link(place, leg, k, n, planar, drawn, link, to, status)
         type(scene_place), intent(in) :: place
         type(leg_spec), intent(in) :: leg
         integer, intent(in) :: k, n                        !! which of how many
         logical, intent(in) :: planar
-        integer, intent(in) :: redundancy                  !! of the scene
         type(drawn_leg), intent(in) :: drawn
         type(link_spec), intent(inout) :: link
         real(wp), intent(inout) :: to(3)                   !! from its first joint, as drawn [m]
@@ -257,9 +262,18 @@ contains
         if (.not. node%is_present() .and. .not. planar) link%inertia = link%mass/12*[dot_product(to, to) - to**2, -to*cshift(to, 1)]
         link%cog = drawn%image*link%cog
         link%inertia = mirrored_tensor(link%inertia, drawn%image)
-        call read_elastic(inner, planar, redundancy, link, status)
-        if (allocated(link%arm)) call mirror_arms(drawn%image, link%arm)
     end subroutine read_link
+
+    pure function diagonal(v)
+        real(wp), intent(in) :: v(3)
+        real(wp) :: diagonal(3, 3)
+        integer :: i
+
+        diagonal = 0
+        do i = 1, 3
+            diagonal(i, i) = v(i)
+        end do
+    end function diagonal
 
     !> About where the joints are at the start, if the scene says so. What turns the other way in an image does so here.
     subroutine read_starts(place, planar, drawn, joint, status)

@@ -6,7 +6,7 @@ module linkdyn_scene_chain
     use linkdyn_chain_kinds, only: chain_kind, list_chain_kinds, links_of_leg, joints_of_leg, is_crank_kind, is_rail_kind, &
         is_telescope, drive_of, in_plane, in_space, is_chain_word, kind_of_word
     use linkdyn_chain_parts, only: leg_spec, build_leg
-    use linkdyn_chain_words, only: word_key, read_word_leg
+    use linkdyn_chain_words, only: word_key, read_word_leg, read_stiffnesses
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -15,10 +15,10 @@ module linkdyn_scene_chain
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         require_table, direction_of, text_of, get_name, get_text, get_flag, get_integer, get_quantity, require_name
     use linkdyn_scene_names, only: find_marker
+    use linkdyn_scene_elastic, only: read_elastic
     use linkdyn_scene_links, only: read_mass_properties, carried_x
     use linkdyn_scene_joints, only: require_two_links
-    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, &
-        turned_tensor
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, turned_tensor
     use linkdyn_suggest, only: suggestion
     use linkdyn_units, only: quantity_type, length, angle
     implicit none (type, external)
@@ -149,7 +149,11 @@ contains
                 call read_leg(place, i, kind, next_link, scene, leg, status)
             end if
             if (.not. status%is_ok()) return
-            if (.not. kind%is_word) call build_leg(kind, leg, next_link, next_joint, scene)
+            if (.not. kind%is_word) then
+                call build_leg(kind, leg, next_link, next_joint, scene)
+                call read_stiffnesses(place, scene, next_joint, joints_of_leg(kind), status)
+                call read_arms(place, i, kind, next_link, scene, status)
+            end if
             if (is_driven .and. drive_of(kind) > 0) driven = [driven, next_joint + drive_of(kind) - 1]
             next_link = next_link + links_of_leg(kind)
             next_joint = next_joint + joints_of_leg(kind)
@@ -165,7 +169,7 @@ contains
             key = word_key
             return
         end if
-        key = [character(len=10) :: kind%link]
+        key = [character(len=10) :: kind%link, "stiffness"]
         if (is_rail_kind(kind)) key = [character(len=10) :: key, "rail"]
         if (has_axis(kind)) key = [character(len=10) :: key, "axis"]
         if (is_crank_kind(kind)) key = [character(len=10) :: key, "zero", "elbow"]
@@ -287,6 +291,7 @@ contains
         type(status_type), intent(inout) :: status
         type(pattern_type) :: pattern
         character(len=:), allocatable :: link_name
+        real(wp) :: carry(3, 3)
         logical :: found
         integer :: k
 
@@ -317,7 +322,9 @@ contains
                 its%name = leg%name//"."//link_name
                 if (kind%is_parallelogram .and. k > 1) its%name = trim(its%name)//to_text(k - 1)
                 call read_leg_link(place, link_name, i, scene%planar, has_length(), leg%length(min(k, 2)), its, status)
-                if (place%copy > 0) call carry_mass(kind, k, scene%planar, pattern, place%copy, its)
+                carry = carry_of(kind, k, scene%planar, pattern, place%copy)
+                its%cog = matmul(carry, its%cog)
+                its%inertia = turned_tensor(its%inertia, carry)
             end associate
         end do
 
@@ -329,29 +336,56 @@ contains
         end function has_length
     end subroutine read_leg
 
-    !> Mass properties of link k of a leg that is a copy, in the axes of that link. Those of a carriage are its base link's, in
-    !> which it turns. The others' go along with the leg; they are right-handed, so that one of an image's is reversed: y, where it
-    !> is square to what is mirrored (see `linkdyn_chain_parts`) or along the hinge of a crank, which turns the other way; else x.
-    pure subroutine carry_mass(kind, k, planar, pattern, copy, link)
+    !> How the links of leg i give way: their markers are there now.
+    subroutine read_arms(place, i, kind, link, scene, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: i
         type(chain_kind), intent(in) :: kind
-        integer, intent(in) :: k, copy
+        integer, intent(in) :: link                    !! where the leg's own begin
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(pattern_type) :: pattern
+        type(scene_place) :: inner
+        integer :: k
+
+        if (place%copy > 0) call read_pattern(place, scene%planar, .true., pattern, status)
+        do k = 1, links_of_leg(kind)
+            if (.not. status%is_ok()) return
+            associate (its => scene%link(link + k - 1))
+                inner = place_at(place, table_of_leg(place, trim(kind%link(min(k, 2))), i), "link "//quoted(its%name))
+                call read_elastic(inner, scene%planar, scene%redundancy, its, status, carry_of(kind, k, scene%planar, pattern, &
+                                                                                              place%copy))
+            end associate
+        end do
+    end subroutine read_arms
+
+    !> From the axes in which the file describes link k of a leg that is a copy, to that link's. Those of a carriage are its base
+    !> link's, in which it turns. The others' go along with the leg; they are right-handed, so that one of an image's is reversed: y,
+    !> where it is square to what is mirrored (see `linkdyn_chain_parts`) or along the hinge of a crank, which turns the other way;
+    !> else x.
+    pure function carry_of(kind, k, planar, pattern, copy) result(carry)
+        type(chain_kind), intent(in) :: kind
+        integer, intent(in) :: k, copy                 !! copy 0: none
         logical, intent(in) :: planar
         type(pattern_type), intent(in) :: pattern
-        type(link_spec), intent(inout) :: link
-        real(wp) :: image(3)
+        real(wp) :: carry(3, 3)
         logical :: y_is_hinge, reverses_x
+        integer :: i
 
+        carry = 0
+        do i = 1, 3
+            carry(i, i) = 1
+        end do
+        if (copy == 0) return
         if (is_rail_kind(kind) .and. k == 1) then
-            link%cog = matmul(pattern%turn(:, :, copy), link%cog)
-            link%inertia = turned_tensor(link%inertia, pattern%turn(:, :, copy))
+            carry = pattern%turn(:, :, copy)
         else if (pattern%is_image(copy)) then
             y_is_hinge = kind%letters(min(k, 2):min(k, 2)) == "R" .or. (is_telescope(kind) .and. kind%letters(1:1) == "R")
             reverses_x = .not. planar .and. (y_is_hinge .neqv. is_crank_kind(kind))
-            image = merge([-1, 1, 1], [1, -1, 1], reverses_x)
-            link%cog = image*link%cog
-            link%inertia = mirrored_tensor(link%inertia, image)
+            i = merge(1, 2, reverses_x)
+            carry(i, i) = -1
         end if
-    end subroutine carry_mass
+    end function carry_of
 
     !> Unit of the driven variable.
     pure type(quantity_type) function drive_quantity(kind) result(quantity)
@@ -483,19 +517,28 @@ contains
                     to_text(n_marker(base))//", one a leg)", status)
                 return
             end if
-            node = node%at(i)
         end if
-        inner = place_at(place, node, "link "//quoted(link%name))
+        inner = place_at(place, table_of_leg(place, key, i), "link "//quoted(link%name))
         call require_table(inner, "a table, "//expected, status)
         if (has_length) then
-            call allow_keys(inner, [character(len=13) :: "length", "mass", "cog", "inertia", "inertia_check"], status)
+            call allow_keys(inner, [character(len=13) :: "length", "mass", "cog", "inertia", "inertia_check", "elastic"], status)
             call get_quantity(inner, "length", length, link_length, status)
             if (status%is_ok() .and. .not. link_length > 0) call refuse_value(inner, "length", inner%node%get("length"), "= "// &
                 to_text(link_length)//" m (expected a length of more than zero)", status)
             call read_mass_properties(inner, planar, link, status, rod_length=link_length)
         else
-            call allow_keys(inner, [character(len=13) :: "mass", "cog", "inertia", "inertia_check"], status)
+            call allow_keys(inner, [character(len=13) :: "mass", "cog", "inertia", "inertia_check", "elastic"], status)
             call read_mass_properties(inner, planar, link, status)
         end if
     end subroutine read_leg_link
+
+    !> The table of one of leg i's links: the same for all, or one a leg.
+    type(toml_node) function table_of_leg(place, key, i) result(table)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key            !! lower, rod, ...
+        integer, intent(in) :: i
+
+        table = place%node%get(key)
+        if (table%kind() == toml_array) table = table%at(i)
+    end function table_of_leg
 end module linkdyn_scene_chain

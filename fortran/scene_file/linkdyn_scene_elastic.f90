@@ -1,5 +1,6 @@
 !> The key `elastic` of a link: how it gives way where reactions are shared by stiffness.
 module linkdyn_scene_elastic
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: link_spec, arm_spec, share_by_stiffness
     use linkdyn_scene_keys, only: scene_place, place_at, refuse_missing, refuse_value, allow_keys, get_quantity, &
@@ -10,7 +11,7 @@ module linkdyn_scene_elastic
     use linkdyn_units, only: quantity_type, plain_number, length, pressure, area, second_moment
     implicit none (type, external)
     private
-    public :: read_elastic, mirror_arms
+    public :: read_elastic, carry_arms
 
     character(len=10), parameter :: beam_key(9) = [character(len=10) :: "E", "G", "area", "shear_area", "I", "Iy", "Iz", "y", "J"]
     character(len=10), parameter :: planar_key(5) = [character(len=10) :: "E", "G", "area", "shear_area", "I"]
@@ -19,12 +20,13 @@ module linkdyn_scene_elastic
 contains
 
     !> A table, or a list of tables each for some markers.
-    subroutine read_elastic(place, planar, redundancy, link, status)
+    subroutine read_elastic(place, planar, redundancy, link, status, carry)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         integer, intent(in) :: redundancy              !! of the scene
         type(link_spec), intent(inout) :: link         !! with its markers
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: carry(3, 3)  !! from axes in which the file writes to the link's, in which markers are
         type(toml_node) :: node, part
         integer :: i
 
@@ -62,34 +64,52 @@ contains
             inner = place_at(place, node, trim(place%what)//", elastic")
             given = node%get("compliance")
             if (given%is_present()) then
-                call read_compliance(inner, planar, link, status)
+                call read_compliance(inner, planar, link, status, carry)
             else
-                call read_beam(inner, planar, link, status)
+                call read_beam(inner, planar, link, status, carry)
             end if
         end subroutine read_part
     end subroutine read_elastic
 
-    !> Moments, and turns, are mirrored as axes are about which something turns.
-    pure subroutine mirror_arms(image, arm)
-        real(wp), intent(in) :: image(3)               !! -1 across the mirror
+    !> Arms in other axes: turned, or mirrored. Moments, and turns, are mirrored as axes are about which something turns.
+    pure subroutine carry_arms(carry, arm)
+        real(wp), intent(in) :: carry(3, 3)
         type(arm_spec), intent(inout) :: arm(:)
-        real(wp) :: both(6)
         integer :: k
 
-        both = [image, product(image)*image]
         do k = 1, size(arm)
-            arm(k)%from = arm(k)%from*image
-            arm(k)%y = arm(k)%y*image
-            arm(k)%compliance = arm(k)%compliance*spread(both, 2, 6)*spread(both, 1, 6)
+            arm(k)%from = matmul(carry, arm(k)%from)
+            call carry_section(carry, arm(k))
         end do
-    end subroutine mirror_arms
+    end subroutine carry_arms
+
+    !> All but the place where they begin.
+    pure subroutine carry_section(carry, arm)
+        real(wp), intent(in) :: carry(3, 3)
+        type(arm_spec), intent(inout) :: arm
+        real(wp) :: both(6, 6)
+
+        both = 0
+        both(:3, :3) = carry
+        both(4:, 4:) = handedness(carry)*carry
+        arm%y = matmul(carry, arm%y)
+        arm%compliance = matmul(both, matmul(arm%compliance, transpose(both)))
+    end subroutine carry_section
+
+    !> 1 of a rotation, -1 of one with a reflection.
+    pure real(wp) function handedness(carry)
+        real(wp), intent(in) :: carry(3, 3)
+
+        handedness = sign(1.0_wp, dot_product(carry(:, 1), cross(carry(:, 2), carry(:, 3))))
+    end function handedness
 
     !> Beams from one place to markers.
-    subroutine read_beam(place, planar, link, status)
+    subroutine read_beam(place, planar, link, status, carry)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: carry(3, 3)
         type(arm_spec) :: arm
         real(wp) :: e, g, section(6)                   ! area, shear_area, I, Iy, Iz, J
         logical :: has_e, has_g, found(6), has_y
@@ -121,7 +141,8 @@ contains
         end if
         if (found(3)) section(4:5) = section(3)
         arm%beam = [e*section(1), g*section(2), g*section(6), e*section(4), e*section(5)]
-        call read_from(place, planar, link, arm, status)
+        if (present(carry)) call carry_section(carry, arm)
+        call read_from(place, planar, link, arm, status, carry)
         call add_to_markers(place, link, arm, status)
 
     contains
@@ -153,12 +174,13 @@ contains
     end function pick
 
     !> Where the beams begin: a marker or a point; else the centre of mass.
-    subroutine read_from(place, planar, link, arm, status)
+    subroutine read_from(place, planar, link, arm, status, carry)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         type(link_spec), intent(in) :: link
         type(arm_spec), intent(inout) :: arm
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: carry(3, 3)
         type(toml_node) :: node
         integer :: marker
 
@@ -168,6 +190,7 @@ contains
         if (arm%from_cog) return
         if (node%kind() == toml_array) then
             call vector_of(place, "from", node, length, arm%from(:merge(2, 3, planar)), status)
+            if (present(carry)) arm%from = matmul(carry, arm%from)
             return
         end if
         call find_own_marker(place, "from", node, link, marker, status)
@@ -229,11 +252,12 @@ contains
     end subroutine add_to_markers
 
     !> How a marker gives way by force and moment on it: symmetric, and no force is given back more than it does.
-    subroutine read_compliance(place, planar, link, status)
+    subroutine read_compliance(place, planar, link, status, carry)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: carry(3, 3)
         type(arm_spec) :: arm
         type(toml_node) :: node, rows
         integer, allocatable :: at(:)
@@ -264,6 +288,7 @@ contains
         end if
         arm%is_beam = .false.
         arm%compliance(at, at) = (c + transpose(c))/2
+        if (present(carry)) call carry_section(carry, arm)
         call add_to_markers(place, link, arm, status)
     end subroutine read_compliance
 
@@ -303,10 +328,6 @@ contains
 
         marker = 0
         if (.not. status%is_ok()) return
-        if (.not. allocated(link%marker)) then
-            call refuse_value(place, key, node, "has no meaning here: the markers of this link have no names of their own", status)
-            return
-        end if
         call text_of(place, node, name, is_text)
         if (is_text) then
             do i = 1, size(link%marker)

@@ -7,7 +7,7 @@ module linkdyn_scene_links
     use linkdyn_scene, only: scene_type, link_spec, marker_spec
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: length, angle, mass, inertia
-    use linkdyn_scene_elastic, only: read_elastic, mirror_arms
+    use linkdyn_scene_elastic, only: read_elastic, carry_arms
     use linkdyn_angles, only: angles_of_matrix, matrix_of_angles
     use linkdyn_scene_attitudes, only: attitude_key, get_attitude
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor
@@ -104,7 +104,7 @@ contains
         end do
         link%cog = link%cog*image
         link%inertia = mirrored_tensor(link%inertia, image)
-        if (allocated(link%arm)) call mirror_arms(image, link%arm)
+        if (allocated(link%arm)) call carry_arms(mirror, link%arm)
         if (any(image < 0) .and. allocated(link%mesh)) call refuse_value(place, "mesh", place%node%get("mesh"), &
             "cannot be mirrored (expected a link of its own for the image)", status)
         turn = pattern%turn(:, :, place%copy)

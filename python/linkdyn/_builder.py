@@ -641,7 +641,7 @@ class Builder:
             Of a row of letters, as drawn with all joint variables zero: direction of each joint, of a universal joint both; link between
             each two, ``{"to": [0, 0, 0.3], "mass": ..}`` with the way to its next joint [m].
         stiffness
-            Of a row's joints, where reactions are shared by stiffness: one for all, or one a joint.
+            Of its joints, where reactions are shared by stiffness: one for all, or one a joint.
         actuated
             False: the legs are not driven.
         start

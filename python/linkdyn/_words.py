@@ -117,6 +117,7 @@ class LegLink(TypedDict, total=False):
     cog: Vector
     inertia: Quantity | Vector | Mapping[str, Vector]
     inertia_check: bool
+    elastic: Elastic | Sequence[Elastic]
 
 
 class WordLink(TypedDict, total=False):

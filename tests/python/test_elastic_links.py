@@ -408,7 +408,7 @@ def test_causes_and_forward_runs(name: str) -> None:
 
 
 def test_rows_of_letters() -> None:
-    """Links of a drawn leg: those of its image are mirrored, and markers that are not named cannot be."""
+    """Links of a drawn leg: those of its image are mirrored; their markers are called as their joints."""
     scene = tomllib.loads((EXAMPLES / "tripteron" / "scene.toml").read_text()) | {"redundancy": "stiffness"}
     rigid = copy.deepcopy(scene)
     rigid["chain"][0]["stiffness"] = {"radial": 1e9, "axial": 1e9, "tilt": 1e7, "torsion": 1e7}
@@ -423,5 +423,5 @@ def test_rows_of_letters() -> None:
     np.testing.assert_allclose(stiff.driving_force.values, soft.driving_force.values, rtol=1e-11)
     assert np.abs(stiff.reaction.values - soft.reaction.values).max() > 1e-3 * size
     scene["chain"][0]["links"][1]["elastic"]["from"] = "P"
-    with pytest.raises(linkdyn.SceneError, match="the markers of this link have no names of their own"):
+    with pytest.raises(linkdyn.SceneError, match="'P' is no marker of link 'leg1.link2' .expected the name alone, one of 'R1', 'R2'"):
         linkdyn.Scene(scene)
