@@ -3,7 +3,8 @@
 !> A direction of the link beyond the ball is kept square to one of the spinning link. It fails where the line of the spinning
 !> link comes to lie along it, so it should stay far from that line in all the motion. The axis of a hinge about which the link beyond
 !> turns is such a direction if it is far from the line at the start, whichever way the hinge is turned. Of a link that hardly
-!> turns, the frame or a platform, one square to the line at the start is as good.
+!> turns, the frame or a platform, one square to the line at the start is as good. A cylindrical joint holds for good, but what it
+!> has as a variable of its own is lost: it does so where a ball is wanted for another spin.
 module linkdyn_spin_axes
     use linkdyn_cross, only: cross
     use linkdyn_idle_spin, only: idle_spin, square_to
@@ -17,12 +18,13 @@ module linkdyn_spin_axes
     !> What a direction square to the line is worth, against the sine between the line and a hinge's axis: the frame does not turn, a
     !> platform turns by less than a right angle, a crank all the way round.
     real(wp), parameter :: worth_in_frame = 0.9_wp, worth_in_platform = 0.8_wp, worth_in_crank = 0.2_wp
+    real(wp), parameter :: worth_of_collar = -1, tried = -2    !! less than that of any ball
     !> No symmetry of a mechanism has its line just there: for as long as nobody knows where the links are.
     real(wp), parameter :: odd_direction(3) = [0.48_wp, 0.64_wp, 0.6_wp]
 
 contains
 
-    !> A ball for each spin, none twice. Spins that no ball is left for stay unsettled.
+    !> A ball for each spin, or a collar, none twice. Spins that none is left for stay unsettled.
     subroutine choose_holds(model, spin, hold, stand)
         type(model_type), intent(in) :: model
         type(idle_spin), intent(in) :: spin(:)
@@ -52,17 +54,19 @@ contains
         recursive logical function finds_ball(i) result(found)
             integer, intent(in) :: i
             type(hold_spec) :: candidate
-            real(wp) :: worth(size(spin(i)%ball))
+            integer :: joint(size(spin(i)%ball) + size(spin(i)%collar))
+            real(wp) :: worth(size(joint))
             integer :: n, k
 
+            joint = [spin(i)%ball, spin(i)%collar]
             do k = 1, size(worth)
-                call consider(model, spin(i), spin(i)%ball(k), candidate, worth(k), stand)
+                call consider(model, spin(i), joint(k), candidate, worth(k), stand)
             end do
             found = .false.
             do n = 1, size(worth)
                 k = maxloc(worth, 1)
-                worth(k) = -1
-                associate (ball => spin(i)%ball(k))
+                worth(k) = tried
+                associate (ball => joint(k))
                     if (is_tried(ball)) cycle
                     is_tried(ball) = .true.
                     if (holder(ball) == 0) then
@@ -95,6 +99,10 @@ contains
             hold%links = hold%links//"+"//trim(model%link(spin%link(i))%name)
         end do
         hold%side = merge(1, 2, any(spin%link == model%joint(ball)%link(1)))
+        if (model%joint(ball)%kind == joint_cylindrical) then
+            worth = worth_of_collar
+            return
+        end if
         own = model%joint(ball)%link(hold%side)
         beyond = model%joint(ball)%link(3 - hold%side)
         hold%axis(:, hold%side) = square_to(model%link(own)%spin_axis)

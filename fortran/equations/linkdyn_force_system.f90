@@ -18,7 +18,7 @@ module linkdyn_force_system
     use linkdyn_mechanism, only: mechanism_type, wheel_wrench, wheel_push, properties_of, marker_point, marker_frame, &
         point_of_action, pair_of
     use linkdyn_model, only: holds_spin
-    use linkdyn_scene, only: name_len
+    use linkdyn_scene, only: name_len, joint_spherical
     use linkdyn_system, only: system_type, unknown, require, solved
     use linkdyn_value, only: value, is_zero, abs, operator(+), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(+), operator(-), operator(*), &
@@ -414,7 +414,7 @@ contains
         end if
         associate (acting => unknowns%reaction(j), bodies => mechanism%bodies)
             r(:3) = solved(system, components(turned(bodies, acting%force, acting%turning, 0)))
-            if (holds_spin(mechanism%model%joint(j))) then
+            if (holds_spin(mechanism%model%joint(j)) .and. mechanism%model%joint(j)%told_kind == joint_spherical) then
                 r(4:) = components(zero_vector())        ! what holds an idle spin takes no moment
             else
                 r(4:) = solved(system, components(turned(bodies, acting%moment, acting%turning, 0)))

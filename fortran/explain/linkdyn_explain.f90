@@ -22,9 +22,9 @@ module linkdyn_explain
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
-        payload_changes, motor_spec, actuator_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, &
-        side_opening, feed_none, feed_gravity, feed_inverse, law_none
+    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_spherical, joint_kind_name, variable_name, &
+        joint_n_variable, payload_changes, motor_spec, actuator_spec, controller_spec, n_controller, is_sampled, side_joint, &
+        side_voltage, side_opening, feed_none, feed_gravity, feed_inverse, law_none
     use linkdyn_reach, only: find_reach
     use linkdyn_representatives, only: representative_poses, make_closer
     use linkdyn_status, only: status_type
@@ -213,11 +213,9 @@ contains
                 n = n + joint_constraints(model, joint%kind)
                 carried = n_transmitted(joint%kind, model%is_planar)
                 what = counted(carried(1), "force")
-                if (holds_spin(joint)) then
-                    what = what//", an idle spin held by no moment"
-                else if (carried(2) > 0) then
-                    what = what//", "//counted(carried(2), "moment")
-                end if
+                if (carried(2) > 0 .and. joint%told_kind /= joint_spherical) &
+                    what = what//", "//counted(carried(2) - merge(1, 0, holds_spin(joint)), "moment")
+                if (holds_spin(joint)) what = what//", an idle spin held by no moment"
                 if (joint%belt > 0) what = "none: its strands pull as far as they are stretched"
                 if (any(model%contact%joint == j)) what = what//", friction"//worm_in_words(model, j)
                 write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%told_kind), what

@@ -17,7 +17,7 @@ module linkdyn_constraint_rows
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, joint_type, gear_type, scene_size
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_planar, &
-        joint_screw
+        joint_screw, joint_n_variable
     implicit none (type, external)
     private
     public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, close_near_start, list_rows, joint_frame
@@ -203,7 +203,8 @@ contains
             case (joint_revolute)
                 turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
             case (joint_prismatic)
-                shift(3) = start(1)/loop%size + off(1)
+                ! the slide of a cylindrical joint that holds a spin is its second variable
+                shift(3) = start(joint_n_variable(joint%told_kind))/loop%size + off(1)
             case (joint_cylindrical)
                 turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
                 shift(3) = start(2)/loop%size + off(2)

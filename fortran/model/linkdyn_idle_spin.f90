@@ -6,11 +6,12 @@
 !> motion of anything else depend on it.
 !>
 !> *How it is settled.* One ball of each spin also keeps a direction across the line, in the spinning link, square to a
-!> direction of the link beyond: it closes as a universal joint does. The spin that follows from this is not that of a free rod,
-!> but it has no inertia, since what a link has of it about the line is left out: a rod that does not spin has no angular momentum
-!> along itself, and a thin rod none at all. So the moment that holds the spin is zero by itself, and all forces are those of
-!> a rod that is free. The direction beyond must not come to lie along the line; it is chosen where the mechanism starts
-!> (`linkdyn_spin_axes`).
+!> direction of the link beyond: it closes as a universal joint does. Where two links spin on either side of the same ball, a piston
+!> in its bore and its shoe on the plate, one of them is held in its cylindrical joint, which closes as a slide does. The spin that
+!> follows from this is not that of a free rod, but it has no inertia, since what a link has of it about the line is left out: a
+!> rod that does not spin has no angular momentum along itself, and a thin rod none at all. So the moment that holds the spin is
+!> zero by itself, and all forces are those of a rod that is free. The direction beyond must not come to lie along the line; it is
+!> chosen where the mechanism starts (`linkdyn_spin_axes`).
 module linkdyn_idle_spin
     use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
@@ -28,6 +29,7 @@ module linkdyn_idle_spin
     type :: idle_spin
         integer, allocatable :: link(:)
         integer, allocatable :: ball(:)        !! joints at which the spin can be held
+        integer, allocatable :: collar(:)      !! cylindrical joints that can do so instead
     end type idle_spin
 
     !> A straight line of a link.
@@ -59,7 +61,8 @@ contains
             if (model%is_planar .or. is_seen(l) .or. .not. line(l)%is_there) cycle
             call collect_links(model, l, found(n + 1)%link)
             is_seen(pack(found(n + 1)%link, found(n + 1)%link /= frame_link)) = .true.
-            found(n + 1)%ball = balls_of(model, found(n + 1)%link)
+            found(n + 1)%ball = joints_of(model, found(n + 1)%link, joint_spherical)
+            found(n + 1)%collar = joints_of(model, found(n + 1)%link, joint_cylindrical)
             if (.not. is_idle(model, found(n + 1), line)) cycle
             n = n + 1
             model%link(found(n)%link)%spin = n
@@ -145,17 +148,25 @@ contains
         end do
     end subroutine collect_links
 
-    !> The ball joints of some links.
-    pure function balls_of(model, link) result(ball)
+    !> The joints of a kind at some links but those that the scene leads: a coordinate of theirs has its place among their variables.
+    pure function joints_of(model, link, kind) result(joint)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: link(:)
-        integer, allocatable :: ball(:)
+        integer, intent(in) :: link(:), kind
+        integer, allocatable :: joint(:)
         integer :: j
 
-        ball = pack([(j, j=1, model%n_joint)], [(model%joint(j)%kind == joint_spherical &
-                                                 .and. any([link == model%joint(j)%link(1), link == model%joint(j)%link(2)]), &
-                                                 j=1, model%n_joint)])
-    end function balls_of
+        joint = pack([(j, j=1, model%n_joint)], [(model%joint(j)%kind == kind &
+                                                  .and. any([link == model%joint(j)%link(1), link == model%joint(j)%link(2)]) &
+                                                  .and. .not. is_led(j), j=1, model%n_joint)])
+
+    contains
+
+        pure logical function is_led(j)
+            integer, intent(in) :: j
+
+            is_led = any(model%scene%coordinate%kind == coordinate_joint .and. model%scene%coordinate%joint == j)
+        end function is_led
+    end function joints_of
 
     !> May the links spin, all of them about their lines, without anything that would lead or feel it?
     pure logical function is_idle(model, spin, line)
@@ -265,7 +276,7 @@ contains
             type(hold_spec), intent(in) :: one
             type(idle_spin), intent(in) :: of
 
-            holds = any(of%ball == one%joint) .and. any(of%link == model%joint(one%joint)%link(one%side))
+            holds = any([of%ball, of%collar] == one%joint) .and. any(of%link == model%joint(one%joint)%link(one%side))
         end function holds
     end subroutine refuse_unheld
 
@@ -434,7 +445,7 @@ contains
 
     ! ---------------------------------------------------------------- how it is settled
 
-    !> Let balls hold the spins of their links.
+    !> Let balls, and collars, hold the spins of their links.
     subroutine hold_spins(model, hold)
         type(model_type), intent(inout) :: model
         type(hold_spec), intent(in) :: hold(:)
@@ -442,6 +453,10 @@ contains
 
         do i = 1, size(hold)
             associate (joint => model%joint(hold(i)%joint))
+                if (joint%told_kind == joint_cylindrical) then
+                    joint%kind = joint_prismatic
+                    cycle
+                end if
                 joint%kind = joint_universal
                 do side = 1, 2
                     joint%frame(:, 3, side) = hold(i)%axis(:, side)

@@ -4,7 +4,8 @@ module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
-    use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused, &
+    use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, &
+        joint_prismatic, joint_cylindrical, share_refused, &
         side_torque, side_voltage, side_opening
     implicit none (type, external)
     private
@@ -286,11 +287,13 @@ contains
         end do
     end function dyad_names
 
-    !> Does a ball joint hold an idle spin, as a universal joint would? The moment that this takes is none.
+    !> Does a ball joint hold an idle spin, as a universal joint would, or a cylindrical one as a slide? The moment that this
+    !> takes is none.
     pure logical function holds_spin(joint)
         type(joint_type), intent(in) :: joint
 
-        holds_spin = joint%kind == joint_universal .and. joint%told_kind == joint_spherical
+        holds_spin = (joint%kind == joint_universal .and. joint%told_kind == joint_spherical) &
+                     .or. (joint%kind == joint_prismatic .and. joint%told_kind == joint_cylindrical)
     end function holds_spin
 
     !> Reactions that the equations leave open, "J1.force J1.moment J2.force", and driving forces that depend on how joints share

@@ -294,15 +294,79 @@ def test_shoes_on_a_swash_plate() -> None:
         np.testing.assert_allclose(plate[:, 0], -np.tan(0.3) * push, atol=1e-9)
     np.testing.assert_allclose(run.driving_force.values[:, 0], torque, atol=1e-10)
     np.testing.assert_allclose(scene.inverse(solver="reduced").driving_force, run.driving_force, atol=1e-10)
-    # Two spins at one ball are told.
-    loose = swash_pump()
-    loose["joint"][1]["type"] = "cylindrical"
-    with pytest.raises(linkdyn.SceneError, match="link 'shoe0' may spin .* and so may 'piston0' on the other side of 'S0': neither .* prismatic joint in place of a cyl"):
-        linkdyn.Scene(loose)
     # A friction of the shoe would have to know how it turns.
     rubs = swash_pump() | {"friction": [{"joint": "P0", "coulomb": 0.1}]}
     with pytest.raises(linkdyn.SceneError, match="friction at joint 'P0' holds it back"):
         linkdyn.Scene(rubs)
+
+
+def test_piston_and_shoe_both_spin() -> None:
+    """Piston and shoe meet at one ball: the bore holds the one spin, the ball the other; forces are those of pistons that cannot spin."""
+    loose = swash_pump()
+    for k in range(3):
+        loose["joint"][1 + k] |= {"type": "cylindrical", "start": {"angle": 0.5, "slide": 0.01}}
+    scene = linkdyn.Scene(loose)
+    held = linkdyn.Scene(swash_pump()).inverse(want="all")
+    np.testing.assert_allclose(scene.inverse(solver="reduced").driving_force, held.driving_force, atol=1e-10)
+    for solver in ("elimination", "lapack"):
+        run = scene.inverse(want="all", solver=solver)
+        assert (run.status == 0).all() and set(run.attrs["idle_spins"].split()) == {f"{part}{k}" for part in ("piston", "shoe") for k in range(3)}
+        np.testing.assert_allclose(run.driving_force, held.driving_force, atol=1e-10)
+        # where a shoe's marker is depends on how it spins, and so do moments about it
+        np.testing.assert_allclose(run.reaction[..., :3], held.reaction[..., :3], atol=1e-8)
+        np.testing.assert_allclose(run.reaction[:, :7], held.reaction[:, :7], atol=1e-8)
+        for k in range(3):
+            np.testing.assert_allclose(run.joint_variable.sel(variable=f"B{k}.slide"), held.joint_variable.sel(variable=f"B{k}.slide"), atol=1e-14)
+            along = run.reaction.sel(joint=f"B{k}").values[:, 5]        # a bore takes no moment about itself
+            assert np.abs(along).max() < 1e-11
+    assert "cylindrical 2 forces, 2 moments, an idle spin held by no moment" in scene.explain()
+    # A slide that is a coordinate keeps its joint: the ball holds one spin, and nothing the other.
+    loose["coordinate"] = [{"joint": "B0", "variable": "slide"}]
+    with pytest.raises(linkdyn.SceneError, match="link 'shoe0' may spin .* and so may 'piston0' on the other side of 'S0': neither is determined|link 'piston0' may spin"):
+        linkdyn.Scene(loose)
+
+
+def test_swash_plate_through_zero() -> None:
+    """Where the plate is level piston and shoe spin about the same line: torques of barrel and plate by Lagrange in 40 digits."""
+    data = swash_pump()
+    plate = data["frame"]["markers"].pop("plate")
+    data["frame"]["markers"]["T"] = {"at": plate["at"], "axis": [0, -1, 0]}
+    data["link"].append({"name": "plate", "mass": 1.0, "inertia": [2e-3, 3e-3, 4e-3, 0, 0, 0],
+                         "markers": {"T": {"at": [0, 0, 0], "axis": [0, -1, 0]}, "face": [0, 0, 0]}})
+    data["joint"] += [{"name": "tilt", "type": "revolute", "between": ["frame.T", "plate.T"]}]
+    for k in range(3):
+        data["joint"][1 + k] |= {"type": "cylindrical"}
+        data["joint"][7 + k]["between"][0] = "plate.face"
+    rate = 50 * mpmath.pi
+    data["coordinate"].append({"joint": "tilt", "motion": {"law": "harmonic", "amplitude": 0.3, "frequency": "80 rad/s"}})
+    data["actuator"].append({"joint": "tilt"})
+    run = linkdyn.Scene(data).inverse(want="all")
+    assert (run.status == 0).all() and np.abs(run.q.values[:, 1]).min() < 1e-12       # the start stands level
+    with mpmath.workdps(40):
+        r, about, own = mpmath.mpf("0.04"), mpmath.mpf("0.1"), mpmath.mpf("0.005")
+
+        def height(k: int, a: Any, b: Any) -> Any:          # of the ball's centre: the shoe's foot is 5 mm off it
+            return about + (mpmath.sin(b) * r * mpmath.cos(a + 2 * mpmath.pi * k / 3) - own) / mpmath.cos(b)
+
+        def energy(a: Any, b: Any, va: Any, vb: Any) -> Any:
+            rise = [mpmath.diff(lambda s, k=k: height(k, a + s * va, b + s * vb), 0) for k in range(3)]
+            # pistons turn about themselves without inertia, shoes tilt with the plate
+            return (mpmath.mpf("0.008") * va**2 + (mpmath.mpf("3e-3") + 3 * mpmath.mpf("1e-6")) * vb**2 + mpmath.mpf("0.12") * sum(v**2 + r**2 * va**2 for v in rise)) / 2
+
+        def potential(a: Any, b: Any) -> Any:
+            return sum((mpmath.mpf("0.12") * mpmath.mpf("9.81") - 1000 * (k + 1)) * height(k, a, b) for k in range(3))
+
+        for i in (0, 37, 111, 200):
+            t = mpmath.mpf(float(run.time[i]))
+            at = lambda s: (rate * s, mpmath.mpf("0.3") * mpmath.sin(80 * s))
+            speed = lambda s: (rate, 24 * mpmath.cos(80 * s))
+            for c in range(2):
+                def momentum(s: Any, c: int = c) -> Any:
+                    v = list(speed(s))
+                    return mpmath.diff(lambda x: energy(*at(s), *[x if n == c else v[n] for n in range(2)]), v[c])
+                place = list(at(t))
+                lift = mpmath.diff(lambda x: energy(*[x if n == c else place[n] for n in range(2)], *speed(t)) - potential(*[x if n == c else place[n] for n in range(2)]), place[c])
+                assert abs(float(mpmath.diff(momentum, t) - lift) - float(run.driving_force[i, c])) < 1e-8 * np.abs(run.driving_force.values).max()
 
 
 def test_spins_are_told() -> None:
