@@ -4,7 +4,8 @@
 !> the joints' starting variables, but those that have a starting position there and legs between such point to where they end
 !> (`linkdyn_pointed_links`), the others from variables at random. Each is
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
-!> (`linkdyn_start_distance`). The outcome depends on the scene alone.
+!> (`linkdyn_start_distance`). Where none closes, a Delta led by its tool whose elbows nobody has described, there are more rounds of
+!> attempts. The outcome depends on the scene alone.
 module linkdyn_group_start
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
@@ -32,6 +33,7 @@ module linkdyn_group_start
     public :: find_group_start, find_every_start, take_group_start, is_alike
 
     integer, parameter :: n_attempt = 64
+    integer, parameter :: n_hopeful = 8          !! rounds of so many attempts, as long as none closes
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
 
     !> What attempts have come to.
@@ -57,6 +59,7 @@ contains
         type(found_assemblies) :: found
         real(wp) :: start(place_size(model), model%n_link, n_attempt)
         logical :: is_known
+        integer :: round, closing
 
         ! Nothing is nearer than what the scene describes in full.
         is_known = all(model%scene%link(model%group(step%first)%link)%has_start)
@@ -67,8 +70,15 @@ contains
         end if
         if (.not. is_known) then
             found = found_assemblies()
-            call list_attempts(model, model%group(step%first), 1, state, start)
-            call make_attempts(model, step%first, start, state, found)
+            closing = n_hopeful
+            do round = 1, 2*n_hopeful
+                call list_attempts(model, model%group(step%first), 1 + (round - 1)*n_attempt, state, start)
+                call make_attempts(model, step%first, start, state, found)
+                if (found%any_closed) closing = min(closing, round)
+                ! what has come once may not be the nearest: as many rounds again
+                if (round == 1 .and. found%any_closed) exit
+                if (round >= merge(2*closing, n_hopeful, found%any_closed)) exit
+            end do
         end if
         n_found = merge(0, found%n, is_known)
         ! What is let go may hold links that are placed later, or fit with another branch of the steps before: who has placed all will see.

@@ -231,6 +231,33 @@ def test_delta_with_its_rods() -> None:
     agree(ours, real.inverse(solver="reduced"))
 
 
+@pytest.mark.parametrize("height", [0.6, -0.55])
+@pytest.mark.parametrize("elbow", [1, -1, None])
+def test_delta_by_its_tool_closes(height: float, elbow: int | None) -> None:
+    """Whatever is said of its elbows: rods keep their length, from where the cranks' ends are to the platform. Out of reach it is told."""
+    scene = delta("R(SS)2")
+    scene["coordinate"] = [{"link": "platform", "components": ["x", "y", "z"], "start": {"z": height}}]
+    scene["chain"][0] |= {"elbow": elbow}
+    if elbow is None:
+        del scene["chain"][0]["elbow"]
+    made = linkdyn.Scene(scene)
+    poses = made.poses()
+    place, turn = dict(zip(made.links, poses.position[0], strict=True)), dict(zip(made.links, poses.rotation[0], strict=True))
+    assert poses.status[0] == 0
+    np.testing.assert_allclose(place["platform"], [0, 0, height], atol=1e-12)
+    for leg in range(3):
+        c, s = math.cos(leg * 2 * math.pi / 3), math.sin(leg * 2 * math.pi / 3)
+        about = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        crank = about.T @ (place[f"arm{leg + 1}.rod1"] + place[f"arm{leg + 1}.rod2"]) / 2 - [0.2, 0, 0]      # its end, in the arm's own axes
+        assert abs(np.linalg.norm(crank) - 0.3) < 1e-9 and abs(crank[1]) < 1e-9
+        for rod, side in (("rod1", 0.04), ("rod2", -0.04)):
+            top = place["platform"] + turn["platform"] @ about @ [0.05, side, 0]
+            np.testing.assert_allclose(place[f"arm{leg + 1}.{rod}"] + turn[f"arm{leg + 1}.{rod}"] @ [0, 0, 0.8], top, atol=1e-9)
+    scene["coordinate"][0]["start"] = {"z": 1.5}
+    with pytest.raises(linkdyn.SceneError, match="cannot be closed at the start, platform.x = 0 m, platform.y = 0 m, platform.z = 1.5 m"):
+        linkdyn.Scene(scene)
+
+
 def planar(kind: str, **leg: Any) -> dict[str, Any]:
     """A plate on three legs in a plane."""
     legs: dict[str, dict[str, Any]] = {
