@@ -372,6 +372,10 @@ contains
                 call add(joint_cylindrical, joint_loose, xy, xy)
             case (joint_universal)
                 call add(joint_universal, joint_spherical, none, reshape(z, [3, 1]))    ! the one moment, across both axes
+                ! a force: rods side by side under one platform
+                call add(joint_spherical, joint_groove, reshape(x, [3, 1]), none, 1, x)
+                call add(joint_spherical, joint_groove, reshape(y, [3, 1]), none, 1, y)
+                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
             case (joint_spherical)
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_spherical, joint_plate, xy, none)
