@@ -8,15 +8,33 @@ module linkdyn_given_attitudes
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles, has_assemblies
+    use linkdyn_scene, only: name_len
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: take_attitudes, turn_by_quaternion, refuse_way_past_pole
+    public :: attitude_name, take_attitudes, turn_by_quaternion, refuse_way_past_pole
 
     integer, parameter, public :: attitude_size = 10    !! w x y z, angular velocity, angular acceleration
 
 contains
+
+    !> The link of a pose, or the ball joint, whose attitude this is.
+    pure function attitude_name(model, attitude) result(name)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: attitude                !! number of it
+        character(len=name_len) :: name
+        integer :: s, c(3)
+
+        name = ""
+        do s = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(s))) cycle
+            if (model%step(s)%first /= attitude) cycle
+            c = attitude_angles(model%step(s))
+            name = model%scene%coordinate(c(1))%name
+            name = name(:index(name, ".", back=.true.) - 1)
+        end do
+    end function attitude_name
 
     !> Attitudes in, their quaternions of any length; angles and their rates out, which near a pole are as large as need be. What is
     !> left in the attitudes is of samples that have to go by them.

@@ -12,6 +12,8 @@ module linkdyn
     public :: linkdyn_ok, linkdyn_bad_input, linkdyn_io_error, linkdyn_unavailable, linkdyn_internal, linkdyn_closed, &
         linkdyn_stopped, linkdyn_no_result
 
+    real(c_double), target, save :: no_attitude(10, 0, 0)
+
     ! ---- outcome of a call
     integer, parameter :: linkdyn_ok = 0
     integer, parameter :: linkdyn_bad_input = 2      !! the scene or an argument is wrong
@@ -30,7 +32,7 @@ module linkdyn
         type(c_ptr) :: handle = c_null_ptr
     contains
         procedure :: open_file, open_text, count => count_entries, name => name_of, unit => unit_of, width, motion, inverse, &
-            inverse_at, poses, start, close => close_scene
+            inverse_at, inverse_attitudes, poses, start, close => close_scene
     end type linkdyn_scene
 
     !> A forward run. A copy is the same run.
@@ -132,12 +134,12 @@ module linkdyn
             real(c_double), intent(inout) :: q(*), qd(*), qdd(*), load(*)
         end function c_motion
 
-        integer(c_int) function c_inverse(scene, settings, n, t, n_q, q, qd, qdd, n_load, load, n_result, results, status) &
-            bind(c, name="linkdyn_compute_inverse_at")
+        integer(c_int) function c_inverse(scene, settings, n, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, load, n_result, &
+                results, status) bind(c, name="linkdyn_compute_inverse_attitudes")
             import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
-            type(c_ptr), value :: scene, t
+            type(c_ptr), value :: scene, t, attitude
             type(c_inverse_settings), intent(in) :: settings
-            integer(c_size_t), value :: n, n_q, n_load, n_result
+            integer(c_size_t), value :: n, n_q, n_attitude, n_load, n_result
             real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
             type(c_result), intent(in) :: results(*)
             integer(c_int), intent(inout) :: status(*)
@@ -340,7 +342,7 @@ contains
         integer, intent(in), optional :: threads               !! default: one
         logical, intent(in), optional :: in_order              !! the samples follow each other along a motion; default: no
 
-        call compute(self, c_null_ptr, q, qd, qdd, load, results, status, code, solver, threads, in_order)
+        call compute(self, c_null_ptr, q, qd, qdd, no_attitude, load, results, status, code, solver, threads, in_order)
     end subroutine inverse
 
     !> The same at instants, for scenes that ask for them: frames that move, payloads and forces over the state that change
@@ -359,13 +361,41 @@ contains
 
         code = linkdyn_bad_input
         if (.not. agree([size(t), size(q, 2)], "t and q differ in their samples")) return
-        call compute(self, c_loc(t), q, qd, qdd, load, results, status, code, solver, threads, in_order)
+        call compute(self, c_loc(t), q, qd, qdd, no_attitude, load, results, status, code, solver, threads, in_order)
     end subroutine inverse_at
 
-    subroutine compute(self, t, q, qd, qdd, load, results, status, code, solver, threads, in_order)
+    !> The same with attitudes as quaternions in place of roll, pitch and yaw: w x y z, angular velocity and angular acceleration of each
+    !> of the list "attitude"; where w x y z are zero the angles count.
+    subroutine inverse_attitudes(self, q, qd, qdd, attitude, load, results, status, code, t, solver, threads, in_order)
+        class(linkdyn_scene), intent(in) :: self
+        real(c_double), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :)            !! (n_coordinate, n)
+        real(c_double), intent(in), contiguous, target :: attitude(:, :, :)               !! (10, n_attitude, n)
+        real(c_double), intent(in), contiguous :: load(:, :, :)                           !! (6, n_load, n)
+        type(linkdyn_result), intent(in), target :: results(:)
+        integer(c_int), intent(inout), contiguous :: status(:)                            !! (n)
+        integer, intent(out) :: code
+        real(c_double), intent(in), contiguous, target, optional :: t(:)    !! (n) [s]; wanted of samples in order
+        character(len=*), intent(in), optional :: solver       !! default: elimination
+        integer, intent(in), optional :: threads               !! default: one
+        logical, intent(in), optional :: in_order              !! the samples follow each other along a motion; default: no
+        type(c_ptr) :: instants
+
+        code = linkdyn_bad_input
+        if (.not. agree([size(attitude, 1), 10], "an attitude has other than 10 numbers")) return
+        if (.not. agree([size(attitude, 3), size(q, 2)], "attitude and q differ in their samples")) return
+        instants = c_null_ptr
+        if (present(t)) then
+            if (.not. agree([size(t), size(q, 2)], "t and q differ in their samples")) return
+            instants = c_loc(t)
+        end if
+        call compute(self, instants, q, qd, qdd, attitude, load, results, status, code, solver, threads, in_order)
+    end subroutine inverse_attitudes
+
+    subroutine compute(self, t, q, qd, qdd, attitude, load, results, status, code, solver, threads, in_order)
         class(linkdyn_scene), intent(in) :: self
         type(c_ptr), intent(in) :: t                           !! instants; null: none
         real(c_double), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
+        real(c_double), intent(in), contiguous, target :: attitude(:, :, :)
         type(linkdyn_result), intent(in), target :: results(:)
         integer(c_int), intent(inout), contiguous :: status(:)
         integer, intent(out) :: code
@@ -374,6 +404,7 @@ contains
         logical, intent(in), optional :: in_order
         character(kind=c_char, len=:), allocatable, target :: word
         type(c_inverse_settings) :: settings
+        type(c_ptr) :: turned                                  ! the attitudes; null: none
         character(kind=c_char, len=name_room + 1), target :: names(size(results))
         integer :: i
 
@@ -389,8 +420,10 @@ contains
         do i = 1, size(results)
             names(i) = trim(results(i)%name)//c_null_char
         end do
+        turned = c_null_ptr
+        if (size(attitude) > 0) turned = c_loc(attitude)
         code = c_inverse(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
-                         size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
+                         size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
                          [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))], status)
     end subroutine compute
 

@@ -105,7 +105,8 @@ int linkdyn_open_text(const char *text, size_t size, const char *name, const cha
 
 int linkdyn_close(linkdyn_scene *scene);
 
-/* How many there are of: "link", "joint", "coordinate", "actuator", "load", "variable" (joint variables), "component" (of
+/* How many there are of: "link", "joint", "coordinate", "attitude" (links and ball joints whose attitude is given by coordinates
+ * roll, pitch, yaw), "actuator", "load", "variable" (joint variables), "component" (of
  * a reaction: Fx Fy Mz, in space Fx Fy Fz Mx My Mz), "dyad" (closed forms that have a transmission angle), "motor" (actuators with a
  * drive), "cam" (joints), "controller", "result" (of inverse dynamics), "run_result" (of forward dynamics). */
 int linkdyn_count(linkdyn_scene *scene, const char *what, size_t *count);
@@ -138,6 +139,14 @@ int linkdyn_compute_inverse(linkdyn_scene *scene, const linkdyn_inverse_settings
 int linkdyn_compute_inverse_at(linkdyn_scene *scene, const linkdyn_inverse_settings *settings, size_t n, const double *t,
                     size_t n_coordinate, const double *q, const double *qd, const double *qdd, size_t n_load, const double *load,
                     size_t n_result, const linkdyn_result *results, int *status);
+
+/* The same with attitudes as quaternions, which have no pole: attitude (n, n_attitude, 10) has of each of them w x y z, of any length but
+ * zero, angular velocity and angular acceleration, x y z of each [rad/s, rad/s2]; of links in world axes, of ball joints as in the axes of
+ * their first marker. These take the place of roll, pitch and yaw in q, qd and qdd, which are not looked at; but where w x y z are all zero
+ * the angles count. Samples in order want t, else it may be NULL. */
+int linkdyn_compute_inverse_attitudes(linkdyn_scene *scene, const linkdyn_inverse_settings *settings, size_t n, const double *t,
+                    size_t n_coordinate, const double *q, const double *qd, const double *qdd, size_t n_attitude, const double *attitude,
+                    size_t n_load, const double *load, size_t n_result, const linkdyn_result *results, int *status);
 
 /* Where the moving links are: origins (n, n_link, 3) [m] and axes (n, n_link, 3, 3): x, y and z axis of the link, one after the
  * other, in world axes. Each sample is on the assembly of the scene's start.  status: (n). */

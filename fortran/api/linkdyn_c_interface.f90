@@ -7,6 +7,7 @@ module linkdyn_c_interface
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_forward, only: forward_options, choose_method, method_gbs
     use linkdyn_handles, only: close_handle
+    use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
         check_count, check_finite
@@ -244,19 +245,32 @@ contains
         integer(c_intptr_t), value :: handle
         type(c_ptr), value :: settings
         integer(c_size_t), value :: n_sample, n_q, n_load, n_result
+        type(c_ptr), value :: t, q, qd, qdd, load, results, sample_status
+
+        code = c_inverse_attitudes(handle, settings, n_sample, t, n_q, q, qd, qdd, 0_c_size_t, c_null_ptr, n_load, load, n_result, &
+                                   results, sample_status)
+    end function c_inverse_at
+
+    integer(c_int) function c_inverse_attitudes(handle, settings, n_sample, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, &
+            load, n_result, results, sample_status) result(code) bind(c, name="linkdyn_compute_inverse_attitudes")
+        integer(c_intptr_t), value :: handle
+        type(c_ptr), value :: settings
+        integer(c_size_t), value :: n_sample, n_q, n_attitude, n_load, n_result
         type(c_ptr), value :: t                          !! null: none are given
+        type(c_ptr), value :: attitude                   !! null: all go by their angles
         type(c_ptr), value :: q, qd, qdd, load, results, sample_status
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(inverse_options) :: options
         type(inverse_report) :: report
         type(room_type) :: room(n_room)
-        real(c_double), pointer, contiguous :: t1(:), q1(:), qd1(:), qdd1(:), load1(:), assembly(:)
+        real(c_double), pointer, contiguous :: t1(:), q1(:), qd1(:), qdd1(:), load1(:), assembly(:), attitude1(:)
+        real(c_double), allocatable, target :: turned(:), own(:, :)    ! attitudes, and coordinates with theirs
         integer(c_int), pointer, contiguous :: status1(:)
         integer(c_int), allocatable, target :: whole(:)
         integer :: n
 
-        nullify (assembly, t1)
+        nullify (assembly, t1, attitude1)
         call hold_texts()
         call take_scene(handle, scene, status)
         n = count_from("n", n_sample, status)
@@ -272,17 +286,52 @@ contains
             call read_inverse_settings(settings, options, status)
             call see_rooms(scene, results, n_result, n, room, assembly, status)
         end if
+        if (status%is_ok() .and. (n_attitude > 0 .or. c_associated(attitude))) call see_attitudes()
         if (status%is_ok() .and. associated(assembly)) then
             allocate (whole(n), source=0_c_int)
             room(findloc(room_id, result_assembly, dim=1))%integer => whole
         end if
         call release_texts()
-        if (status%is_ok()) call compute_inverse(scene, options, 0, n, q1, qd1, qdd1, load1, room, status1, report, status, t1)
+        if (status%is_ok() .and. associated(attitude1)) call turn_to_angles()
+        if (status%is_ok()) call compute_inverse(scene, options, 0, n, q1, qd1, qdd1, load1, room, status1, report, status, t1, &
+                                                 turned)
         call hold_texts()
         if (status%is_ok() .and. associated(assembly)) assembly = whole
         call leave_scene(handle, scene)
         code = outcome(status)
-    end function c_inverse_at
+
+    contains
+
+        subroutine see_attitudes()
+
+            call check_width("attitude", n_attitude, scene%model%n_attitude, status)
+            call see("attitude", attitude, attitude_size*scene%model%n_attitude, n, attitude1, status)
+            if (status%is_ok() .and. options%in_order .and. .not. associated(t1)) &
+                call fail(status, status_bad_input, "no instants are given (expected t, of samples in order whose attitudes are)")
+            if (.not. status%is_ok()) return
+            if (.not. all(ieee_is_finite(attitude1))) call fail(status, status_bad_input, "attitude[" &
+                //to_text(findloc(ieee_is_finite(attitude1), .false., dim=1) - 1)//"] is not a finite number")
+        end subroutine see_attitudes
+
+        !> The caller's arrays stay as they are.
+        subroutine turn_to_angles()
+            real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :)
+
+            turned = attitude1
+            allocate (own(size(q1), 3))
+            own(:, 1) = q1
+            own(:, 2) = qd1
+            own(:, 3) = qdd1
+            q1 => own(:, 1)
+            qd1 => own(:, 2)
+            qdd1 => own(:, 3)
+            q2(1:scene%model%n_q, 1:n) => q1
+            qd2(1:scene%model%n_q, 1:n) => qd1
+            qdd2(1:scene%model%n_q, 1:n) => qdd1
+            attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => turned
+            call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
+        end subroutine turn_to_angles
+    end function c_inverse_attitudes
 
     integer(c_int) function c_poses(handle, n_sample, n_q, q, n_link, position, axes, sample_status) result(code) &
         bind(c, name="linkdyn_find_poses")

@@ -1,5 +1,6 @@
 !> Names and units of what a scene consists of and of what can be computed of it, by the words that stand for these lists.
 module linkdyn_name_lists
+    use linkdyn_given_attitudes, only: attitude_name
     use linkdyn_inverse_call, only: n_room, room_id, room_name, room_width
     use linkdyn_open_scene, only: open_scene
     use linkdyn_results, only: layout_type, label_len, samples_width, dim_actuator, dim_joint, dim_component, dim_coordinate, &
@@ -12,8 +13,8 @@ module linkdyn_name_lists
     private
     public :: name_list, list_names, find_result, find_room, result_width
 
-    character(len=10), parameter :: list_name(17) = [character(len=10) :: "link", "joint", "coordinate", "actuator", "load", &
-        "variable", "component", "dyad", "motor", "cam", "controller", "strand", "clutch", "cylinder", "chamber", &
+    character(len=10), parameter :: list_name(18) = [character(len=10) :: "link", "joint", "coordinate", "attitude", "actuator", &
+        "load", "variable", "component", "dyad", "motor", "cam", "controller", "strand", "clutch", "cylinder", "chamber", &
         "result", "run_result"]
 
     type :: name_list
@@ -29,10 +30,13 @@ contains
         character(len=*), intent(in) :: what
         type(name_list), intent(out) :: list
         type(status_type), intent(inout) :: status
+        integer :: i
 
         select case (what)
         case ("link")
             list%name = scene%model%link%name
+        case ("attitude")
+            list%name = [(attitude_name(scene%model, i), i=1, scene%model%n_attitude)]
         case ("load")
             list%name = scene%model%scene%load%name
         case ("joint")

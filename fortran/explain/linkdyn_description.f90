@@ -2,6 +2,7 @@
 module linkdyn_description
     use linkdyn_assemblies, only: assembly_list
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
+    use linkdyn_given_attitudes, only: attitude_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
@@ -115,7 +116,6 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: attitude
         character(len=:), allocatable :: text
-        character(len=name_len) :: name
         integer :: s, c(3)
 
         text = ""
@@ -123,9 +123,8 @@ contains
             if (.not. gives_attitude(model, model%step(s))) cycle
             if (model%step(s)%first /= attitude) cycle
             c = attitude_angles(model%step(s))
-            name = model%scene%coordinate(c(1))%name
-            name = name(:index(name, ".", back=.true.) - 1)
-            text = "{"//pair("name", string(name))//","//pair("is_pose", logical_value(model%step(s)%kind == step_pose))//","// &
+            text = "{"//pair("name", string(attitude_name(model, attitude)))//","// &
+                   pair("is_pose", logical_value(model%step(s)%kind == step_pose))//","// &
                    pair("angles", numbers(real(c - 1, wp)))//","// &
                    pair("by_table", logical_value(model%scene%coordinate(c(1))%motion%angle > 0))//"}"
         end do

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import linkdyn
@@ -99,6 +99,48 @@ def test_forces_at_instants(compiled: Compiled, example: str) -> None:
     q, qd, qdd = scene.motion(t)
     expected = scene.inverse(q=q, qd=qd, qdd=qdd, t=t).driving_force.values
     np.testing.assert_allclose(np.array(printed.split(), dtype=float).reshape(expected.shape), expected, rtol=1e-12)
+
+
+def test_attitudes_as_quaternions(compiled: Compiled, tmp_path: Path) -> None:
+    """A hexapod in poses some of which are at the pole of its angles: Python's forces, and those of the angles where these tell them."""
+    scene = linkdyn.load(EXAMPLES / "stewart_tsai" / "scene.toml")
+    rng = np.random.default_rng(5)
+    base = scene.motion(np.linspace(0.0, 0.5, 8))[0]
+    small = lambda *shape: 0.1 * rng.standard_normal(shape)
+    turned = base[:, 3:].copy()
+    turned[3:, 1] = np.pi / 2 - np.array([0.0, 1e-9, 1e-3, 0.3, -0.2])
+    quaternion = linkdyn.Pose(position=base[:, :3], rotation=np.array([by_angles(*angles) for angles in turned])).quaternion * 3.0
+    motion = [small(8, 3) for _ in range(4)]
+    rates = dict(zip(("velocity", "acceleration", "angular_velocity", "angular_acceleration"), motion, strict=True))
+    pose = linkdyn.Pose(position=base[:, :3], quaternion=quaternion, **rates)
+    file = tmp_path / "attitudes.txt"
+    np.savetxt(file, np.hstack([base[:, :3], *motion[:2], quaternion, *motion[2:]]), fmt="%.17g")
+    link, *printed = compiled("cc", HERE / "attitudes.c", *STRICT)(EXAMPLES / "stewart_tsai" / "scene.toml", "8", file).split()
+    expected = scene.inverse(pose={link: pose}).driving_force.values
+    np.testing.assert_allclose(np.array(printed, dtype=float).reshape(expected.shape), expected, rtol=1e-12)
+    # one of them by its angles, by their rates as differences tell them
+    turn = lambda s: rotation_of(motion[2][0] * s + motion[3][0] * s**2 / 2) @ by_angles(*turned[0])
+    angles = np.array([angles_of(turn(s)) for s in (-1e-4, 0.0, 1e-4)])
+    rate, rate2 = (angles[2] - angles[0]) / 2e-4, (angles[0] - 2 * angles[1] + angles[2]) / 1e-8
+    q, qd, qdd = (np.hstack(both)[np.newaxis] for both in ((base[0, :3], angles[1]), (motion[0][0], rate), (motion[1][0], rate2)))
+    by_angle = scene.inverse(q=q, qd=qd, qdd=qdd).driving_force.values[0]
+    np.testing.assert_allclose(by_angle, expected[0], rtol=1e-5)
+
+
+def by_angles(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Rx(roll) Ry(pitch) Rz(yaw)."""
+    return rotation_of([roll, 0, 0]) @ rotation_of([0, pitch, 0]) @ rotation_of([0, 0, yaw])
+
+
+def angles_of(r: np.ndarray) -> list[float]:
+    return [np.arctan2(-r[1, 2], r[2, 2]), np.arcsin(r[0, 2]), np.arctan2(-r[0, 1], r[0, 0])]
+
+
+def rotation_of(vector: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Rodrigues' rotation."""
+    x, y, z = vector
+    k, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), np.linalg.norm(vector)
+    return np.eye(3) + np.sinc(angle / np.pi) * k + np.sinc(angle / 2 / np.pi)**2 / 2 * k @ k
 
 
 @pytest.mark.parametrize("example", ["fourbar_start", "stewart_tsai", "stewart_drilling", "slider_crank"])
