@@ -68,7 +68,7 @@ contains
         if (status%is_ok() .and. allocated(config%want)) call refuse_absent(config%want, model%scene, status)
         n_sample = sample_count(model)
         if (allocated(config%states)) then
-            if (status%is_ok()) call read_states(config%states, model%scene, states, status)
+            if (status%is_ok()) call read_states(config%states, model, states, status)
             if (status%is_ok()) n_sample = size(states%time)
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
@@ -237,10 +237,12 @@ contains
         type(inverse_results), intent(out) :: results !! where they are in the block, and what is said of all
         type(status_type), intent(inout) :: status
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
-        ! of samples near poles, which tables of quaternions alone may pass
-        real(wp) :: attitude(attitude_size, model%n_attitude, merge(n, 0, any(model%scene%coordinate%motion%angle > 0)))
+        ! of samples near poles, which quaternions alone may pass
+        real(wp) :: attitude(attitude_size, model%n_attitude, merge(n, 0, allocated(states%attitude) &
+                                                                    .or. any(model%scene%coordinate%motion%angle > 0)))
         real(wp), allocatable :: turned(:, :, :)      ! absent: all attitudes go by their angles
         real(wp), allocatable, target :: spin(:, :), spin_rate(:, :)
+        logical :: stands_alone
 
         call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_q, n, block, q)
@@ -265,20 +267,22 @@ contains
             qdd = states%qdd(:, first:first + n - 1)
             call evaluate_loads(model, time, scratch%load(:, :, :n))
             attitude = 0
+            if (allocated(states%attitude)) attitude = states%attitude(:, :, first:first + n - 1)
         else
             call sample_times(model, first, time)
             call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n), attitude)
         end if
-        if (allocated(states%time) .and. .not. states%is_motion) then
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, t=time)
+        stands_alone = allocated(states%time) .and. .not. states%is_motion
+        if (any(attitude /= 0)) then
+            if (.not. stands_alone) call refuse_way_past_pole(model, attitude, time, status)
+            if (.not. status%is_ok()) return
+            call turn_by_quaternion(model, attitude, qd, qdd, spin, spin_rate, turned)
+            qd => spin
+            qdd => spin_rate
+        end if
+        if (stands_alone) then
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, t=time, quaternion=turned)
         else
-            if (any(attitude /= 0)) then
-                call refuse_way_past_pole(model, attitude, time, status)
-                if (.not. status%is_ok()) return
-                call turn_by_quaternion(model, attitude, qd, qdd, spin, spin_rate, turned)
-                qd => spin
-                qdd => spin_rate
-            end if
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns, &
                               t=time, quaternion=turned)
         end if

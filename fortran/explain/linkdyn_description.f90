@@ -6,7 +6,7 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, name_len, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
+    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
         load_spec, marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
         n_event, n_stop, n_controller, n_clutch, side_opening, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &

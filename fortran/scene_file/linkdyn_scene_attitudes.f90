@@ -4,7 +4,7 @@ module linkdyn_scene_attitudes
     use linkdyn_constants, only: two_pi
     use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: law_spec
+    use linkdyn_scene, only: law_spec, table_spec
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, get_vector, vector_of
     use linkdyn_scene_laws, only: table_shelf, table_reading, table_law, column_in_si, has_column, spline
     use linkdyn_spline, only: fit_spline
@@ -14,10 +14,10 @@ module linkdyn_scene_attitudes
     use linkdyn_units, only: plain_number, angle, time_span
     implicit none (type, external)
     private
-    public :: get_attitude, has_quaternions, quaternion_laws
+    public :: get_attitude, has_quaternions, quaternion_laws, laws_through
 
     character(len=10), parameter, public :: attitude_key(3) = [character(len=10) :: "angles", "quaternion", "rotation"]
-    character(len=2), parameter :: column(4) = ["qw", "qx", "qy", "qz"]
+    character(len=2), parameter, public :: quaternion_column(4) = ["qw", "qx", "qy", "qz"]
 
 contains
 
@@ -92,7 +92,7 @@ contains
         type(table_reading), intent(in) :: reading
         integer :: k
 
-        has_quaternions = any([(has_column(shelf, reading, column(k)), k=1, 4)])
+        has_quaternions = any([(has_column(shelf, reading, quaternion_column(k)), k=1, 4)])
     end function has_quaternions
 
     !> Laws of roll, pitch and yaw from the columns qw qx qy qz: splines through them, whose length means nothing.
@@ -102,8 +102,8 @@ contains
         type(table_reading), intent(in) :: reading
         type(law_spec), intent(out) :: law(3)
         type(status_type), intent(inout) :: status
-        real(wp), allocatable :: time(:), values(:), p(:, :), bend(:, :), knot(:, :)
-        integer :: k, i
+        real(wp), allocatable :: time(:), values(:), p(:, :)
+        integer :: k
 
         if (.not. status%is_ok()) return
         if (reading%interpolation /= spline) then
@@ -113,23 +113,38 @@ contains
         associate (table => shelf%place(reading%table)%table)
             call column_in_si(table, trim(reading%time), time_span, time, status)
             if (.not. status%is_ok()) return
-            allocate (p(size(time), 4), bend(size(time), 4), knot(size(time), 3))
+            allocate (p(size(time), 4))
             do k = 1, 4
-                call column_in_si(table, column(k), plain_number, values, status)
+                call column_in_si(table, quaternion_column(k), plain_number, values, status)
                 if (.not. status%is_ok()) return
                 p(:, k) = values
             end do
-            call line_up(trim(table%file), table%line, p, status)
-            do i = 1, size(time)
-                if (.not. status%is_ok()) return
-                knot(i, :) = angles_of_matrix(matrix_of_quaternion(p(i, :)))
-                if (i > 1) knot(i, :) = knot(i, :) + two_pi*anint((knot(i - 1, :) - knot(i, :))/two_pi)
-            end do
-            do k = 1, 3
-                call table_law(table, trim(reading%time), time, knot(:, k), spline, law(k), status)
-            end do
+            call laws_through(table, trim(reading%time), time, p, law, status)
         end associate
-        do k = 1, merge(4, 0, status%is_ok())
+    end subroutine quaternion_laws
+
+    !> Laws of roll, pitch and yaw from quaternions at the instants of a table.
+    subroutine laws_through(table, time_name, time, p, law, status)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: time_name
+        real(wp), intent(in) :: time(:)                !! [s]
+        real(wp), intent(inout) :: p(:, :)             !! (row, 4), made unit quaternions on one side
+        type(law_spec), intent(out) :: law(3)
+        type(status_type), intent(inout) :: status
+        real(wp) :: bend(size(time), 4), knot(size(time), 3)
+        integer :: k, i
+
+        call line_up(trim(table%file), table%line, p, status)
+        if (.not. status%is_ok()) return
+        do i = 1, size(time)
+            knot(i, :) = angles_of_matrix(matrix_of_quaternion(p(i, :)))
+            if (i > 1) knot(i, :) = knot(i, :) + two_pi*anint((knot(i - 1, :) - knot(i, :))/two_pi)
+        end do
+        do k = 1, 3
+            call table_law(table, time_name, time, knot(:, k), spline, law(k), status)
+        end do
+        if (.not. status%is_ok()) return
+        do k = 1, 4
             call fit_spline(time, p(:, k), bend(:, k))
         end do
         do k = 1, 3
@@ -137,7 +152,7 @@ contains
             law(k)%quaternion = p
             law(k)%bend = bend
         end do
-    end subroutine quaternion_laws
+    end subroutine laws_through
 
     !> Unit quaternions, each on the side of the one before: p and -p are one attitude.
     subroutine line_up(file, line, p, status)

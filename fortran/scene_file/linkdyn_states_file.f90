@@ -4,23 +4,32 @@
 !> columns are passed over, but not those that seem to be meant. With a column "time" the samples follow each other along a motion, and the scene's loads act at
 !> these instants. A motion of positions alone gets its rates from the spline that tables of motions have; one with some of
 !> the rates is refused: nothing says whether the others are zero or were forgotten. Without times each sample is on its own,
-!> at 0, and a derivative that has no column is zero. Results written
+!> at 0, and a derivative that has no column is zero. An attitude, of a link or a ball joint, may be told by its quaternion, "q NAME.qw",
+!> .., "q NAME.qz", with "omega NAME.x", .. and "alpha NAME.x", .., angular velocity and acceleration, in place of its three angles
+!> and their rates. Results written
 !> with `--csv` are such a file, and what one executable computed from them another one computes from exactly the same
 !> numbers: they are read as doubles, whatever the working precision.
 module linkdyn_states_file
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_constants, only: two_pi
     use linkdyn_csv, only: read_csv
+    use linkdyn_given_attitudes, only: attitude_name, take_attitudes, attitude_size
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
+    use linkdyn_model, only: model_type, gives_attitude, attitude_angles
     use linkdyn_scene, only: scene_type, table_spec, law_spec, name_len, wants_instants
+    use linkdyn_scene_attitudes, only: laws_through, quaternion_column
     use linkdyn_scene_laws, only: column_in_si, table_law, spline
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
+    use linkdyn_table, only: table_place, find_places, attitude_at
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_units, only: quantity_type, length, angle, time_span, per_second
+    use linkdyn_units, only: quantity_type, length, angle, time_span, plain_number, per_second
     implicit none (type, external)
     private
     public :: states_type, read_states
+
+    character, parameter :: axis_name(3) = ["x", "y", "z"]
 
     !> A batch of states.
     type :: states_type
@@ -28,6 +37,8 @@ module linkdyn_states_file
         logical :: has_spline_rates = .false.          !! qd and qdd are those of a spline through q
         real(wp), allocatable :: time(:)               !! [s] (n)
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), allocatable :: attitude(:, :, :)     !! of samples near poles, as of `take_attitudes`
+                                                       !! (attitude_size, n_attitude, n); not allocated: no quaternions are given
     end type states_type
 
 contains
@@ -35,26 +46,54 @@ contains
     !> Read the states of a scene's coordinates.
     !>
     !> **Errors**: bad input for a missing column, a wrong unit, a value that is no finite number; file and line.
-    subroutine read_states(file, scene, states, status)
+    subroutine read_states(file, model, states, status)
         character(len=*), intent(in) :: file
-        type(scene_type), intent(in) :: scene
+        type(model_type), intent(in) :: model
         type(states_type), intent(out) :: states
         type(status_type), intent(inout) :: status
         type(table_spec) :: table
-        type(quantity_type) :: quantity
-        integer :: n, k
 
         call read_csv(file, "--states: "//quoted(file), table, status, takes_text=.true.)
         if (.not. status%is_ok()) return
-        call refuse_misnamed(table, scene, status)
+        call read_columns(model, model%scene, turned_attitudes(model, table), table, states, status)
+    end subroutine read_states
+
+    !> The attitudes of which there is a quaternion.
+    pure function turned_attitudes(model, table) result(is_turned)
+        type(model_type), intent(in) :: model
+        type(table_spec), intent(in) :: table
+        logical :: is_turned(model%n_attitude)
+        integer :: i, k
+
+        is_turned = [(any([(any(table%column == "q "//trim(attitude_name(model, i))//"."//quaternion_column(k)), k=1, 4)]), &
+                      i=1, model%n_attitude)]
+    end function turned_attitudes
+
+    subroutine read_columns(model, scene, is_turned, table, states, status)
+        type(model_type), intent(in) :: model
+        type(scene_type), intent(in) :: scene
+        logical, intent(in) :: is_turned(:)            !! (attitude)
+        type(table_spec), intent(in) :: table
+        type(states_type), intent(inout) :: states
+        type(status_type), intent(inout) :: status
+        type(quantity_type) :: quantity
+        logical :: by_angle(size(scene%coordinate))
+        integer :: n, k
+
+        by_angle = are_by_angle(model, is_turned)
+        call refuse_misnamed(model, is_turned, by_angle, table, scene, status)
         if (.not. status%is_ok()) return
         n = size(table%value, 1)
         states%is_motion = any(table%column == "time")
-        if (states%is_motion) call find_out_rates(table, scene, states%has_spline_rates, status)
+        if (states%is_motion) call find_out_rates(model, is_turned, by_angle, table, scene, states%has_spline_rates, status)
         allocate (states%time(n), states%q(size(scene%coordinate), n), states%qd(size(scene%coordinate), n), &
                   states%qdd(size(scene%coordinate), n))
         call take_column(table, "time", wants_instants(scene), time_span, states%time, status)
+        states%q = 0
+        states%qd = 0
+        states%qdd = 0
         do k = 1, size(scene%coordinate)
+            if (.not. by_angle(k)) cycle
             associate (coordinate => scene%coordinate(k))
                 quantity = length
                 if (coordinate%unit == "rad") quantity = angle
@@ -64,25 +103,122 @@ contains
                                  states%qdd(k, :), status)
             end associate
         end do
-        if (states%has_spline_rates .and. status%is_ok()) call add_spline_rates(table, states, status)
-    end subroutine read_states
+        if (states%has_spline_rates .and. status%is_ok()) call add_spline_rates(table, by_angle, states, status)
+        if (any(is_turned) .and. status%is_ok()) call read_attitudes(model, is_turned, table, states, status)
+    end subroutine read_columns
+
+    !> Coordinates but the angles of attitudes that are told otherwise.
+    pure function are_by_angle(model, is_turned) result(by_angle)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_turned(:)
+        logical :: by_angle(model%n_q)
+        integer :: s
+
+        by_angle = .true.
+        do s = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(s))) cycle
+            if (is_turned(model%step(s)%first)) by_angle(attitude_angles(model%step(s))) = .false.
+        end do
+    end function are_by_angle
+
+    !> Attitudes by their quaternions, as angles with their turns; what has to go by quaternions stays in `attitude`.
+    subroutine read_attitudes(model, is_turned, table, states, status)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_turned(:)
+        type(table_spec), intent(in) :: table
+        type(states_type), intent(inout) :: states
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: name
+        real(wp) :: p(size(states%time), 4)
+        integer :: i, k, s, c(3)
+
+        allocate (states%attitude(attitude_size, model%n_attitude, size(states%time)), source=0.0_wp)
+        do i = 1, model%n_attitude
+            if (.not. is_turned(i)) cycle
+            name = trim(attitude_name(model, i))
+            do k = 1, 4
+                call take_column(table, "q "//name//"."//quaternion_column(k), .true., plain_number, p(:, k), status)
+            end do
+            do k = 1, 3
+                call take_column(table, "omega "//name//"."//axis_name(k), .false., per_second(angle), &
+                                 states%attitude(4 + k, i, :), status)
+                call take_column(table, "alpha "//name//"."//axis_name(k), .false., per_second(per_second(angle)), &
+                                 states%attitude(7 + k, i, :), status)
+            end do
+            if (.not. status%is_ok()) return
+            do k = 1, size(p, 1)
+                if (norm2(p(k, :)) > 0) cycle
+                call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(k))//": the quaternion of " &
+                          //quoted(name)//" is zero (expected one of any length but zero)")
+                return
+            end do
+            states%attitude(:4, i, :) = transpose(p)
+            if (states%has_spline_rates) call take_spline(i)
+        end do
+        if (.not. status%is_ok()) return
+        call take_attitudes(model, states%attitude, states%q, states%qd, states%qdd)
+        if (.not. states%is_motion) return
+        do s = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(s))) cycle
+            if (.not. is_turned(model%step(s)%first)) cycle
+            c = attitude_angles(model%step(s))
+            do i = 2, size(states%time)
+                states%q(c, i) = states%q(c, i) + two_pi*anint((states%q(c, i - 1) - states%q(c, i))/two_pi)
+            end do
+        end do
+
+    contains
+
+        !> Angular velocity and acceleration of the spline that tables of quaternions have.
+        subroutine take_spline(i)
+            integer, intent(in) :: i
+            type(law_spec) :: law(3)
+            type(table_place) :: place(size(states%time))
+            integer :: k, near
+
+            call laws_through(table, "time", states%time, p, law, status)
+            if (.not. status%is_ok()) return
+            near = 1
+            call find_places(law(1)%time, states%time, near, place)
+            do k = 1, size(place)
+                associate (its => states%attitude(:, i, k))
+                    call attitude_at(law(1), place(k), its(:4), its(5:7), its(8:10))
+                end associate
+            end do
+        end subroutine take_spline
+    end subroutine read_attitudes
 
     !> A column that is meant for a state must not be passed over: without its times a motion is a row of poses at rest.
-    subroutine refuse_misnamed(table, scene, status)
+    subroutine refuse_misnamed(model, is_turned, by_angle, table, scene, status)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_turned(:), by_angle(:)    !! (attitude), (coordinate)
         type(table_spec), intent(in) :: table
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status
-        integer :: i, blank
+        character(len=name_len + 8), allocatable :: own(:)
+        integer :: i, k, blank
 
+        own = [character(len=name_len + 8) ::]
+        do i = 1, size(is_turned)
+            if (is_turned(i)) own = [own, quaternion_columns(model, i), spin_columns(model, i)]
+        end do
         do i = 1, size(table%column)
+            if (any(own == table%column(i))) cycle
             associate (column => table%column(i))
                 blank = index(column, " ")
-                if (all(column(:blank) /= ["q  ", "qd ", "qdd"])) then
+                if (any(column(:blank) == ["omega", "alpha"])) then
+                    call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": no attitude of that " &
+                              //"name is told by its quaternion (expected columns 'q NAME.qw' to 'q NAME.qz' beside it)")
+                else if (all(column(:blank) /= ["q  ", "qd ", "qdd"])) then
                     if (all(table%column /= "time") .and. looks_like_time(column)) call fail(status, status_bad_input, &
                         trim(table%file)//": column "//quoted(column)//": instants are not called so (expected 'time')")
                 else if (all(scene%coordinate%name /= adjustl(column(blank:)))) then
                     call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": there is no coordinate " &
                         //quoted(adjustl(column(blank:)))//suggestion(adjustl(column(blank:)), scene%coordinate%name))
+                else
+                    k = findloc(scene%coordinate%name == adjustl(column(blank:)), .true., dim=1)
+                    if (.not. by_angle(k)) call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column) &
+                        //": stands beside the quaternion of the same attitude (expected one or the other)")
                 end if
             end associate
             if (.not. status%is_ok()) return
@@ -96,17 +232,25 @@ contains
     end function looks_like_time
 
     !> All rates of a motion are there, or none.
-    subroutine find_out_rates(table, scene, has_none, status)
+    subroutine find_out_rates(model, is_turned, by_angle, table, scene, has_none, status)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_turned(:), by_angle(:)
         type(table_spec), intent(in) :: table
         type(scene_type), intent(in) :: scene
         logical, intent(out) :: has_none
         type(status_type), intent(inout) :: status
-        character(len=name_len + 4), allocatable :: rate(:)
+        character(len=name_len + 8), allocatable :: rate(:)
         logical, allocatable :: is_there(:)
         integer :: k
 
-        rate = [character(len=name_len + 4) :: ("qd "//scene%coordinate(k)%name, "qdd "//scene%coordinate(k)%name, &
-                                                k=1, size(scene%coordinate))]
+        rate = [character(len=name_len + 8) ::]
+        do k = 1, size(scene%coordinate)
+            if (by_angle(k)) rate = [rate, [character(len=name_len + 8) :: "qd "//scene%coordinate(k)%name, &
+                                            "qdd "//scene%coordinate(k)%name]]
+        end do
+        do k = 1, size(is_turned)
+            if (is_turned(k)) rate = [rate, spin_columns(model, k)]
+        end do
         is_there = [(any(table%column == rate(k)), k=1, size(rate))]
         has_none = .not. any(is_there)
         if (has_none .or. all(is_there)) return
@@ -114,9 +258,31 @@ contains
                   //quoted(rate(findloc(is_there, .false., dim=1)))//" (expected all of them, or positions alone)")
     end subroutine find_out_rates
 
+    !> Names of the columns that have an attitude's quaternion.
+    pure function quaternion_columns(model, attitude) result(column)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: attitude
+        character(len=name_len + 8) :: column(4)
+        integer :: k
+
+        column = [("q "//trim(attitude_name(model, attitude))//"."//quaternion_column(k), k=1, 4)]
+    end function quaternion_columns
+
+    !> Of those that have its angular velocity and acceleration.
+    pure function spin_columns(model, attitude) result(column)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: attitude
+        character(len=name_len + 8) :: column(6)
+        integer :: k
+
+        column(:3) = [("omega "//trim(attitude_name(model, attitude))//"."//axis_name(k), k=1, 3)]
+        column(4:) = [("alpha "//trim(attitude_name(model, attitude))//"."//axis_name(k), k=1, 3)]
+    end function spin_columns
+
     !> Rates at the instants of a table that has positions alone.
-    subroutine add_spline_rates(table, states, status)
+    subroutine add_spline_rates(table, by_angle, states, status)
         type(table_spec), intent(in) :: table
+        logical, intent(in) :: by_angle(:)
         type(states_type), intent(inout) :: states
         type(status_type), intent(inout) :: status
         type(law_spec) :: law
@@ -124,6 +290,7 @@ contains
         integer :: i, k
 
         do k = 1, size(states%q, 1)
+            if (.not. by_angle(k)) cycle
             call table_law(table, "time", states%time, states%q(k, :), spline, law, status)
             if (.not. status%is_ok()) return
             do i = 1, size(states%time)
