@@ -13,6 +13,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 pytestmark = pytest.mark.accuracy
 
@@ -234,6 +235,39 @@ MECHANISMS: dict[str, dict[str, Any]] = {
         ("E", U, "p", "q", (0.45, 0.4, 0.1), ((1, 0, 0.2), Y)), ("F", S, "q", "w", (0.6, 0.5, 0.2)), ("H", R, "w", "frame", (0.8, 0.3, 0), (0, 0.2, 1))], [("H", 0.03)]),
     "ball_in_a_groove": drawn("spatial", [("A", R, "frame", "c", (0, 0, 0), Z), ("S", "slot", "arm", "c", (0.2, 0.1, 0.05), (0.3, 1, 0.2)), ("B", U, "frame", "arm", (0.3, -0.4, 0), (X, (0, 0.1, 1)))], [("A", 0.3)]),
 }  # fmt: skip
+
+
+def ring(lengths: list[float], twists: list[float], offsets: list[float]) -> dict[str, Any]:
+    """A loop of hinges by Denavit's and Hartenberg's parameters, which moves against all counting, drawn where it closes with its first angle at 40 degrees."""
+    n = len(lengths)
+
+    def walk(angles: Array) -> tuple[list[tuple[Array, Array]], Array, Array]:
+        p, r, axes = np.zeros(3), np.eye(3), []
+        for a, twist, d, angle in zip(lengths, twists, offsets, angles, strict=True):
+            axes.append((p, r[:, 2]))
+            r = r @ turned(angle * np.array(Z))
+            p = p + d * r[:, 2] + a * r[:, 0]
+            r = r @ turned(twist * np.array(X))
+        return axes, p, r
+
+    def open_by(others: Array) -> Array:
+        _, p, r = walk(np.array([0.7, *others]))
+        return np.concatenate([p, (r - np.eye(3)).ravel()])
+
+    starts = [np.zeros(n - 1), *(np.random.default_rng(k).uniform(-3, 3, n - 1) for k in range(1, 50))]
+    found = next(x.x for x in (least_squares(open_by, start, xtol=1e-15, ftol=1e-15, gtol=1e-15) for start in starts) if np.abs(x.fun).max() < 1e-13)
+    axes, links = walk(np.array([0.7, *found]))[0], [*(f"l{k}" for k in range(n - 1)), "frame"]
+    return drawn("spatial", [(f"J{k}", R, links[k - 1], links[k], tuple(point), tuple(axis)) for k, (point, axis) in enumerate(axes)], [("J0", 0.2)])
+
+
+ALPHA, BETA, GAMMA, RIGHT = *np.radians([40.0, 70.0, 25.0]), np.pi / 2
+A, B, G = (0.2 / np.sin(ALPHA) * np.sin(angle) for angle in (ALPHA, BETA, GAMMA))
+MECHANISMS |= {
+    "goldberg_5r": ring([A + G, B, A, G, B], [ALPHA + GAMMA, BETA, ALPHA, GAMMA, BETA], [0.0] * 5),     # two loops of Bennett's in one
+    "schatz": ring([0, 0.3, 0.3, 0.3, 0, 0.3 * 3**0.5], [RIGHT] * 5 + [0.0], [-0.1, 0, 0, 0, 0, 0.1]),
+    "altmann": ring([0.2, 0.3, 0] * 2, [RIGHT] * 6, [0.0] * 6),
+    "bricard_trihedral": ring([0.3, 0.25, 0.3, 0.35, 0.4, (0.3**2 - 0.25**2 + 0.3**2 - 0.35**2 + 0.4**2) ** 0.5], [RIGHT, 3 * RIGHT] * 3, [0.0] * 6),
+}
 
 
 def places(scene: linkdyn.Scene, bodies: Bodies, **given: Any) -> tuple[Array, Array]:
