@@ -18,10 +18,11 @@ module linkdyn_equations
     use linkdyn_equation_kernels, only: equation_kernels, answer_kernels, make_kernels, free_kernels, need_solving, need_answers, &
         need_sliding, slides_or_pulls, kernel_family, join_family, takes_numbers
     use linkdyn_equation_programs, only: equation_choice, fill_matrix, has_columns, as_lecture, sparsely, by_work, nothing_else, &
-        out_solution, out_press, out_square, out_transmitted
+        out_solution, out_press, out_driven, out_square, out_transmitted
     use linkdyn_force_program, only: out_alarm, out_reach
-    use linkdyn_friction_balance, only: balance_friction
-    use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, knows_slopes, pressing_forces
+    use linkdyn_friction_balance, only: balance_friction, driven_press
+    use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, knows_slopes, pressing_forces, &
+        linear_press
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
     use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared, in_stop, in_clutch
@@ -188,6 +189,7 @@ contains
         equations%needs_columns = has_columns(model, choice)
         equations%answer = [result_driving_force, out_transmitted, result_qdd]
         if (size(model%contact) > 0) equations%answer = [equations%answer, out_press]
+        if (size(model%driven) > 0) equations%answer = [equations%answer, out_driven]
         if (friction_is_shared(model)) equations%answer = [equations%answer, result_reaction, result_joint_push]
         call make_kernels(choice, equations%wants_reactions, solver == solver_gauss_jordan_plain, equations%kernels)
     end subroutine build_equations
@@ -282,7 +284,7 @@ contains
         allocate (workspace%wanted(0))
         if (.not. equations%are_solved) return
         call prepare_numbers(model, takes_numbers(equations%kernels), workspace%numbers)
-        call prepare_friction(size(equations%rub), workspace%friction)
+        call prepare_friction(size(equations%rub), size(model%driven), workspace%friction)
         allocate (workspace%sense(lanes, size(equations%lossy)), source=1.0_wp)
         allocate (workspace%motor_force(lanes, model%n_actuator), workspace%driving_rate(lanes, model%n_actuator), source=0.0_wp)
     end subroutine prepare_workspace
@@ -439,6 +441,8 @@ contains
         associate (n => size(model%contact))
             workspace%friction%press(:, :, :n) = reshape(found_of(workspace, out_press, n_press*n), [lanes, n_press, n])
         end associate
+        if (size(model%driven) > 0) workspace%friction%driven = &
+            reshape(found_of(workspace, out_driven, (n_press + 1)*size(model%driven)), shape(workspace%friction%driven))
     end subroutine solve_forces
 
     !> The equations with the numbers that are there.
@@ -639,7 +643,8 @@ contains
         type(equation_workspace), intent(inout) :: workspace
         logical, intent(in) :: is_settled(lanes)
         real(wp), dimension(lanes, size(equations%rub)) :: settled, force
-        real(wp), allocatable :: press(:, :, :)
+        real(wp), allocatable :: press(:, :, :), mesh(:, :)
+        type(driven_press) :: driven
         integer :: lane
 
         associate (friction => workspace%friction)
@@ -649,14 +654,20 @@ contains
                 call solve_forces(model, equations, workspace)
             end if
             call find_pressing_forces(model, equations, workspace, force)
-            press = friction%press
+            press = linear_press(model%driven, friction)
+            mesh = friction%driven(:, 0, :)
+            driven%contact = model%driven%contact
             if (.not. knows_slopes(friction, workspace%n_used)) &
-                call find_slopes(model, equations, press, maxval(force, dim=2), workspace)
+                call find_slopes(model, equations, press, mesh, maxval(force, dim=2), workspace)
             friction%amount = settled
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
+                driven%force = mesh(lane, :)
+                driven%slope = friction%mesh_slope(lane, :, :)
+                driven%part = friction%driven(lane, 1:, :)
                 call balance_friction(equations%rub, friction%factor(lane, :), press(lane, :, :), friction%slope(lane, :, :, :), &
-                                      friction%amount(lane, :), workspace%state%holding(lane))
+                                      friction%amount(lane, :), workspace%state%holding(lane), &
+                                      driven)
                 if (workspace%state%holding(lane) == 0) cycle
                 workspace%status(lane) = sample_locked
                 associate (holding => workspace%state%holding(lane), n_contact => size(model%contact))
@@ -667,13 +678,14 @@ contains
     end subroutine continue_friction
 
     !> What each contact's friction does to all that presses.
-    subroutine find_slopes(model, equations, press, largest, workspace)
+    subroutine find_slopes(model, equations, press, mesh, largest, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         real(wp), intent(in) :: press(:, :, :)         !! where nothing rubs (lane, n_press, contact) [N]
+        real(wp), intent(in) :: mesh(:, :)             !! forces of teeth there (lane, model%driven) [N]
         real(wp), intent(in) :: largest(:)             !! of the forces there (lane) [N]
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: force(lanes, size(equations%rub)), one(lanes)
+        real(wp) :: force(lanes, size(equations%rub)), one(lanes), felt(lanes, n_press, size(equations%rub))
         integer :: k, lane
 
         associate (friction => workspace%friction)
@@ -684,8 +696,10 @@ contains
                 friction%amount(:, k) = one
                 call solve_forces(model, equations, workspace)
                 call find_pressing_forces(model, equations, workspace, force)
+                felt = linear_press(model%driven, friction)
                 do lane = 1, lanes
-                    friction%slope(lane, :, :, k) = (friction%press(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
+                    friction%slope(lane, :, :, k) = (felt(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
+                    friction%mesh_slope(lane, :, k) = (friction%driven(lane, 0, :) - mesh(lane, :))/max(one(lane), tiny(1.0_wp))
                 end do
                 friction%has_slope(:, k) = one > 0
             end do

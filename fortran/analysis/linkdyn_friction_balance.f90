@@ -8,18 +8,28 @@ module linkdyn_friction_balance
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: balance_friction
+    public :: balance_friction, driven_press
+
+    !> What teeth that drive wheels apart press contacts with: as large as the force along their pitch circles makes it, which is linear in
+    !> the friction of the contacts, too.
+    type :: driven_press
+        integer, allocatable :: contact(:)             !! that feels it (n)
+        real(wp), allocatable :: force(:)              !! without friction (n) [N]
+        real(wp), allocatable :: slope(:, :)           !! its change with each amount (n, contact)
+        real(wp), allocatable :: part(:, :)            !! what is felt for each newton of its size (n_press, n)
+    end type driven_press
 
 contains
 
     !> The amounts of friction at which each is `factor` times the force that presses.
-    subroutine balance_friction(contact, factor, press, slope, amount, holding)
+    subroutine balance_friction(contact, factor, press, slope, amount, holding, driven)
         type(contact_type), intent(in) :: contact(:)
         real(wp), intent(in) :: factor(:)              !! (contact) [s/m]
         real(wp), intent(in) :: press(:, :)            !! without friction (n_press, contact) [N]
         real(wp), intent(in) :: slope(:, :, :)         !! its change with each amount (n_press, contact, contact)
         real(wp), intent(out) :: amount(:)             !! (contact) [N s/m]
         integer, intent(out) :: holding                !! the contact that holds the mechanism fast; 0: none does
+        type(driven_press), intent(in), optional :: driven     !! beside `press`
         real(wp), parameter :: first_part = 0.25_wp, least_part = 1e-7_wp
         real(wp) :: part, step, tried(size(contact))
         logical :: is_found
@@ -51,9 +61,42 @@ contains
             integer :: i
 
             do i = 1, size(contact)
-                force(i) = pressing(contact(i), press(:, i) + matmul(slope(:, i, :), amount))
+                force(i) = pressing(contact(i), felt_by(i, amount))
             end do
         end function pressures
+
+        pure function felt_by(i, amount) result(felt)
+            integer, intent(in) :: i                   !! contact
+            real(wp), intent(in) :: amount(:)
+            real(wp) :: felt(n_press)
+            integer :: n
+
+            felt = press(:, i) + matmul(slope(:, i, :), amount)
+            if (.not. present(driven)) return
+            do n = 1, size(driven%contact)
+                if (driven%contact(n) == i) &
+                    felt = felt + abs(driven%force(n) + dot_product(driven%slope(n, :), amount))*driven%part(:, n)
+            end do
+        end function felt_by
+
+        !> What a contact feels changes so with each amount; where a force is zero its size does not.
+        pure function felt_slope(i, amount) result(change)
+            integer, intent(in) :: i                   !! contact
+            real(wp), intent(in) :: amount(:)
+            real(wp) :: change(n_press, size(contact)), force
+            integer :: n, k
+
+            change = slope(:, i, :)
+            if (.not. present(driven)) return
+            do n = 1, size(driven%contact)
+                if (driven%contact(n) /= i) cycle
+                force = driven%force(n) + dot_product(driven%slope(n, :), amount)
+                if (.not. abs(force) > 0) cycle
+                do k = 1, size(contact)
+                    change(:, k) = change(:, k) + sign(driven%slope(n, k), driven%slope(n, k)*force)*driven%part(:, n)
+                end do
+            end do
+        end function felt_slope
 
         !> Newton's method at a part of the coefficients.
         subroutine follow(part, amount, is_found)
@@ -62,7 +105,7 @@ contains
             logical, intent(out) :: is_found
             integer, parameter :: most = 30
             real(wp), parameter :: enough = 4*epsilon(1.0_wp)
-            real(wp) :: matrix(size(contact), size(contact)), felt(n_press), before, change
+            real(wp) :: matrix(size(contact), size(contact)), felt(n_press), grows(n_press, size(contact)), before, change
             real(wp), dimension(size(contact)) :: right, force, size_of
             logical :: is_upright
             integer :: i, k, n
@@ -73,9 +116,10 @@ contains
                 force = pressures(amount)
                 right = part*factor*force - amount
                 do i = 1, size(contact)
-                    felt = pressing_slope(contact(i), press(:, i) + matmul(slope(:, i, :), amount))
+                    felt = pressing_slope(contact(i), felt_by(i, amount))
+                    grows = felt_slope(i, amount)
                     do k = 1, size(contact)
-                        matrix(i, k) = merge(1.0_wp, 0.0_wp, i == k) - part*factor(i)*dot_product(felt, slope(:, i, k))
+                        matrix(i, k) = merge(1.0_wp, 0.0_wp, i == k) - part*factor(i)*dot_product(felt, grows(:, k))
                     end do
                 end do
                 call solve(matrix, right, is_upright)

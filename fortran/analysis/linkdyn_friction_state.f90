@@ -4,9 +4,10 @@ module linkdyn_friction_state
     use linkdyn_contact, only: contact_type, n_press, friction_of_speed, sliding_coefficient, pressing
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: driven_type
     implicit none (type, external)
     private
-    public :: friction_state, prepare_friction, find_factors, pressing_forces, knows_slopes
+    public :: friction_state, prepare_friction, find_factors, pressing_forces, knows_slopes, linear_press
 
     type :: friction_state
         real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
@@ -15,18 +16,23 @@ module linkdyn_friction_state
                                                        !! joint variable [N, N m] (lane, contact)
         real(wp), allocatable :: sense(:, :)           !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2;
                                                        !! 0: smooth over their speed (lane, contact)
+        real(wp), allocatable :: driven(:, :, :)       !! of that, what drives wheels apart: the force along their pitch circles (0), and
+                                                       !! what is felt for each newton of its size (lane, 0:n_press, model%driven)
         ! ---- what each amount does to what presses, wherever stops and clutches push
         real(wp), allocatable :: slope(:, :, :, :)     !! (lane, n_press, contact, contact)
+        real(wp), allocatable :: mesh_slope(:, :, :)   !! and to forces along pitch circles (lane, model%driven, contact)
         logical, allocatable :: has_slope(:, :)        !! is it known? (lane, contact)
     end type friction_state
 
 contains
 
-    subroutine prepare_friction(n, friction)
+    subroutine prepare_friction(n, n_driven, friction)
         integer, intent(in) :: n                       !! contacts and drives
+        integer, intent(in) :: n_driven                !! of the contacts, those that feel what drives wheels apart
         type(friction_state), intent(out) :: friction
 
         allocate (friction%slope(lanes, n_press, n, n), source=0.0_wp)
+        allocate (friction%driven(lanes, 0:n_press, n_driven), friction%mesh_slope(lanes, n_driven, n), source=0.0_wp)
         allocate (friction%has_slope(lanes, n), source=.false.)
         allocate (friction%factor(lanes, n), friction%press(lanes, n_press, n), friction%amount(lanes, n), &
                   friction%sense(lanes, n), source=0.0_wp)
@@ -64,6 +70,23 @@ contains
 
         knows_slopes = all(friction%has_slope(:n_used, :) .or. .not. friction%factor(:n_used, :) > 0)
     end function knows_slopes
+
+    !> What contacts feel but for what drives wheels apart: all that is linear in friction.
+    pure function linear_press(driven, friction) result(press)
+        type(driven_type), intent(in) :: driven(:)     !! of the model
+        type(friction_state), intent(in) :: friction
+        real(wp) :: press(lanes, n_press, size(friction%press, 3))
+        integer :: i, k
+
+        press = friction%press
+        do i = 1, size(driven)
+            do k = 1, n_press
+                associate (p => press(:, k, driven(i)%contact), of => friction%driven)
+                    p = p - abs(of(:, 0, i))*of(:, k, i)
+                end associate
+            end do
+        end do
+    end function linear_press
 
     !> The forces that press.
     pure subroutine pressing_forces(contact, friction, force)

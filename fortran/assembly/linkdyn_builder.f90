@@ -6,7 +6,7 @@ module linkdyn_builder
     use linkdyn_contact, only: list_contacts
     use linkdyn_cross, only: cross
     use linkdyn_gear_fit, only: gears_fit, settle_phases
-    use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts, refuse_pushed_apart
+    use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
@@ -230,7 +230,7 @@ contains
         call settle_spins(model, status)
         call plan_links(model, status, closed_forms, like, holds_alike)
         if (status%is_ok()) call refuse_uncounted_belts(model, status)
-        if (status%is_ok()) call refuse_pushed_apart(model, status)
+        if (status%is_ok()) call list_driven_apart(model, status)
         if (status%is_ok()) call shape_meshes(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call list_legs(model)

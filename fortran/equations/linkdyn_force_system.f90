@@ -25,7 +25,7 @@ module linkdyn_force_system
         operator(.cross.)
     implicit none (type, external)
     private
-    public :: force_unknowns, unknown_note, add_reactions, add_unknown_drives, balance_links, reaction_of, label_len
+    public :: force_unknowns, unknown_note, add_reactions, add_unknown_drives, balance_links, reaction_of, push_of_teeth, label_len
 
     integer, parameter :: label_len = name_len + 4
     character(len=2), parameter :: component_name(6) = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
@@ -440,14 +440,26 @@ contains
         type(system_type), intent(inout) :: system
         integer, intent(in) :: g, j
         type(value) :: wrench(6)
+        type(acting_type) :: acting
+
+        acting = push_of_teeth(mechanism, g, j)
+        wrench = abs(solved(system, unknowns%mesh(g)))*[components(acting%force), components(acting%moment)]
+    end function driven_apart
+
+    !> The same for a force along the pitch circles of one newton, in world axes.
+    function push_of_teeth(mechanism, g, j) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: g, j                    !! gear, joint
+        type(acting_type) :: acting
         type(vector) :: push, pitch, at
 
         call wheel_push(mechanism, g, push, pitch)
         associate (carrier => mechanism%model%gear(g)%carrier, joint => mechanism%model%joint(j), bodies => mechanism%bodies)
             pitch = point_position(bodies, carrier, pitch)
             at = point_position(bodies, joint%link(2), marker_point(mechanism, j, 2))
-            push = abs(solved(system, unknowns%mesh(g)))*turned(bodies, push, bodies%body(carrier)%turning, 0)
+            acting%joint = j
+            acting%force = turned(bodies, push, bodies%body(carrier)%turning, 0)
+            acting%moment = (pitch - at) .cross.acting%force
         end associate
-        wrench = [components(push), components((pitch - at) .cross.push)]
-    end function driven_apart
+    end function push_of_teeth
 end module linkdyn_force_system

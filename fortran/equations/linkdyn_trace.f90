@@ -5,7 +5,7 @@ module linkdyn_trace
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_drive_sharing, only: share_work
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts
-    use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of
+    use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of, push_of_teeth
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
         in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted, in_motion, &
         in_stop, in_clutch, in_sense, in_unknown, in_shared, add_inputs
@@ -26,13 +26,13 @@ module linkdyn_trace
     use linkdyn_springs, only: apply_spring
     use linkdyn_substitution, only: substitution, replace
     use linkdyn_system, only: system_type, unknown, solve, solved, take_solution
-    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), square, min
+    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), square, min, abs
     use linkdyn_vector, only: vector
     implicit none (type, external)
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
     public :: trace_given_motion, trace_sharing, solve_equations, take_unknowns, are_among, in_motion_of
-    public :: alarm_of, reach_of, pushes_of, pressed_by
+    public :: alarm_of, reach_of, pushes_of, pressed_by, driven_parts
 
     type :: traced_type
         type(input_blocks) :: in
@@ -299,7 +299,7 @@ contains
         end do
     end function pushes_of
 
-    !> What a contact feels of its joint's reaction, with what it has of reactions that are shared.
+    !> What a contact feels of its joint's reaction, with what it has of reactions that are shared and what drives wheels apart.
     function pressed_by(traced, i) result(press)
         type(traced_type), intent(inout) :: traced
         integer, intent(in) :: i                       !! contact
@@ -310,6 +310,7 @@ contains
         associate (mechanism => traced%mechanism, joint => traced%mechanism%model%contact(i)%joint)
             if (.not. allocated(traced%shared) .or. .not. feels_shares(mechanism%model, joint)) then
                 press = solved(traced%system, pressing_parts(mechanism, i, traced%contact(i), traced%unknowns%reaction(joint)))
+                call add_driven_apart()
                 return
             end if
             r = reaction_of(mechanism, traced%unknowns, traced%system, joint) + traced%shared(:, joint)
@@ -318,7 +319,34 @@ contains
             whole%moment = vector(r(4), r(5), r(6))
             press = pressing_parts(mechanism, i, traced%contact(i), whole)
         end associate
+
+    contains
+
+        subroutine add_driven_apart()
+            type(value) :: part(0:n_press)
+            integer :: n
+
+            do n = 1, size(traced%mechanism%model%driven)
+                if (traced%mechanism%model%driven(n)%contact /= i) cycle
+                part = driven_parts(traced, n)
+                press = press + abs(part(0))*part(1:)
+            end do
+        end subroutine add_driven_apart
     end function pressed_by
+
+    !> What a contact feels of teeth that drive wheels apart: the force along their pitch circles (0), and what it feels for each newton
+    !> of its size.
+    function driven_parts(traced, n) result(part)
+        type(traced_type), intent(inout) :: traced
+        integer, intent(in) :: n                       !! of `model%driven`
+        type(value) :: part(0:n_press)
+
+        associate (mechanism => traced%mechanism, driven => traced%mechanism%model%driven(n))
+            part(0) = solved(traced%system, traced%unknowns%mesh(driven%gear))
+            part(1:) = driven%sense*pressing_parts(mechanism, driven%contact, traced%contact(driven%contact), &
+                push_of_teeth(mechanism, driven%gear, mechanism%model%contact(driven%contact)%joint))
+        end associate
+    end function driven_parts
 
     !> Driving force of an actuator whose force is not unknown.
     function given_effort(traced, i) result(effort)

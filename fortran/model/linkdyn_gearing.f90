@@ -14,13 +14,13 @@ module linkdyn_gearing
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_rack, joint_belt, is_geared, &
         joint_kind_name, joint_n_variable, is_pose_part
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type, belt_type, led_type, loose_type, scene_size
+    use linkdyn_model, only: model_type, gear_type, driven_type, belt_type, led_type, loose_type, scene_size
     use linkdyn_scene, only: coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: lay_gears, plan_gears, refuse_uncounted_belts, refuse_pushed_apart, find_redundant_gears, lead_by_loose, &
+    public :: lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart, find_redundant_gears, lead_by_loose, &
         forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
@@ -108,28 +108,45 @@ contains
         end do
     end subroutine refuse_uncounted_belts
 
-    !> What drives wheels apart is known once their force is: it is added to what bearings carry, and nothing else may depend on that.
-    subroutine refuse_pushed_apart(model, status)
+    !> What drives wheels apart is known once their force is: it is added to what bearings carry, and to what presses there.
+    subroutine list_driven_apart(model, status)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+        integer :: g, i, k, n, turn
+
+        if (allocated(model%driven)) deallocate (model%driven)
+        do turn = 1, 2
+            n = 0
+            do g = 1, size(model%gear)
+                do i = 1, size(model%gear(g)%carries)
+                    do k = 1, size(model%contact)
+                        if (abs(model%gear(g)%carries(i)) /= model%contact(k)%joint) cycle
+                        n = n + 1
+                        if (turn == 2) model%driven(n) = driven_type(k, g, real(sign(1, model%gear(g)%carries(i)), wp))
+                    end do
+                end do
+            end do
+            if (turn == 1) allocate (model%driven(n))
+        end do
+        if (model%share%n > 0) call refuse_sharing_apart(model, status)
+    end subroutine list_driven_apart
+
+    !> Who of several bearings takes what drives wheels apart is not found.
+    subroutine refuse_sharing_apart(model, status)
         type(model_type), intent(in) :: model
         type(status_type), intent(inout) :: status
-        integer :: g, k
+        integer :: g
 
         do g = 1, size(model%gear)
             associate (gear => model%gear(g))
                 if (size(gear%carries) == 0 .or. .not. status%is_ok()) cycle
-                if (model%share%n > 0) call fail(status, status_bad_input, what(model, gear%joint)//" "// &
+                call fail(status, status_bad_input, what(model, gear%joint)//" "// &
                     quoted(model%joint(gear%joint)%name)//": pressure_angle where reactions are shared: "// &
                     "who of several bearings takes the force that drives the wheels apart is not found (expected joints that "// &
                     "hold each direction once, or no pressure_angle)")
-                do k = 1, size(model%contact)
-                    if (all(abs(gear%carries) /= model%contact(k)%joint) .or. .not. status%is_ok()) cycle
-                    call fail(status, status_bad_input, what(model, gear%joint)//" "//quoted(model%joint(gear%joint)%name)// &
-                        ": pressure_angle beside friction in joint "//quoted(model%joint(model%contact(k)%joint)%name)// &
-                        ", which does not feel the force that drives the wheels apart (expected one of both)")
-                end do
             end associate
         end do
-    end subroutine refuse_pushed_apart
+    end subroutine refuse_sharing_apart
 
     !> Fill `model%led` and `model%loose`: what gears make of the coordinates.
     subroutine plan_gears(model, status)

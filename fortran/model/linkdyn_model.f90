@@ -12,7 +12,7 @@ module linkdyn_model
     public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
         led_type, loose_type
     public :: motor_type, take_motors
-    public :: share_type, arm_type
+    public :: share_type, arm_type, driven_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
@@ -112,6 +112,13 @@ module linkdyn_model
         real(wp) :: total = 0                 !! that sum [m]
         logical :: follows = .false.          !! it is a sum of those of other gears
     end type gear_type
+
+    !> A contact of a joint that takes what drives a gear's wheels apart.
+    type :: driven_type
+        integer :: contact = 0
+        integer :: gear = 0
+        real(wp) :: sense = 1                 !! 1: it takes that, -1: its opposite
+    end type driven_type
 
     !> A belt that stretches: two strands that pull on both wheels. What would be given, were it rigid, is how far it is stretched.
     type :: belt_type
@@ -242,6 +249,7 @@ module linkdyn_model
         type(belt_type), allocatable :: belt(:)      !! those that stretch
         type(motor_type), allocatable :: motor(:)    !! of the actuators that have one
         type(contact_type), allocatable :: contact(:)    !! where joints rub
+        type(driven_type), allocatable :: driven(:)      !! those that feel what drives wheels apart
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)
         type(part_type), allocatable :: part(:)       !! (step)

@@ -20,7 +20,7 @@ module linkdyn_equation_programs
     use linkdyn_springs, only: keep_direction, needs_direction
     use linkdyn_system, only: list_rows, solved
     use linkdyn_trace, only: traced_type, trace_given_motion, trace_equations, trace_what_acts, &
-        solve_equations, take_unknowns, are_among, alarm_of, reach_of, pressed_by
+        solve_equations, take_unknowns, are_among, alarm_of, reach_of, pressed_by, driven_parts
     use linkdyn_value, only: value, zero, is_constant, is_zero, number_of
     use linkdyn_virtual_work, only: trace_work
     implicit none (type, external)
@@ -28,7 +28,7 @@ module linkdyn_equation_programs
     public :: equation_choice, written_equations, matrix_form, matrix_labels, as_lecture, sparsely, by_work, nothing_else
     public :: open_equations, close_equations, labels_of, make_matrix_program, make_solving_program, make_answer_program, &
         make_sliding_program, make_drive_program, make_motion_program, write_equations, has_columns, list_entries, fill_matrix
-    public :: out_matrix, out_solution, out_press, out_powers, out_square, out_transmitted, out_drives, out_motion
+    public :: out_matrix, out_solution, out_press, out_driven, out_powers, out_square, out_transmitted, out_drives, out_motion
 
     ! ---- ways to write equations down
     integer, parameter :: as_lecture = 1       !! six of each link, world axes, moments about its centre of mass
@@ -40,6 +40,7 @@ module linkdyn_equation_programs
     integer, parameter :: out_matrix = 111     !! entries and right-hand sides that are not constant
     integer, parameter :: out_solution = 112   !! unknowns that are wanted
     integer, parameter :: out_press = 113      !! what contacts feel of reactions (n_press, contact) [N]
+    integer, parameter :: out_driven = 119     !! of that, what drives wheels apart (0:n_press, model%driven): `driven_parts`
     integer, parameter :: out_powers = 114     !! of driving forces, and of all forces but gravity [W]
     integer, parameter :: out_square = 115     !! of the speeds of contacts' surfaces (contact) [m2/s2]
     integer, parameter :: out_transmitted = 116    !! driving forces without what rotors take (n_actuator) [N, N m]
@@ -225,6 +226,8 @@ contains
                 call add_output(out, wanted(k), solved(traced%system, traced%unknowns%transmitted))
             case (out_press)
                 call add_output(out, wanted(k), [(pressed_by(traced, i), i=1, size(model%contact))])
+            case (out_driven)
+                call add_output(out, wanted(k), [(driven_parts(traced, i), i=1, size(model%driven))])
             case (out_powers)
                 call add_output(out, wanted(k), powers(traced))
             case default
