@@ -261,6 +261,23 @@ def test_a_pin_by_hand(arm: float, way: int, solver: str) -> None:
     assert abs(float(run.power_imbalance[0])) < 1e-9
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_guide_of_a_rack(way: int) -> None:
+    """|F| = 400 N +- mu |F| tan(alpha)."""
+    given = pair((1, 1), 0.0)
+    given["frame"]["markers"]["B"] = {"at": [0, -0.05, 0], "axis": [1, 0, 0]}
+    given["link"][1]["markers"] = {"O": {"at": [0, 0, 0], "axis": [1, 0, 0]}}
+    given["joint"][1]["type"] = "prismatic"
+    given["joint"][2] = {"name": "mesh", "type": "rack", "between": ["one.O", "two.O"], "pressure_angle": ALPHA}
+    given["load"] = [{"on": "two.O", "force": [400.0, 0, 0]}]
+    given["friction"] = [{"joint": "B", "coulomb": 0.5}]
+    run = linkdyn.Scene(given).inverse([[0.7]], [[way * 2.0]], [[0.0]], error=True)
+    assert run.status == 0
+    pushes = np.sign(float(run.driving_power[0, 0]))       # the wheel drives the rack, or holds it back
+    assert abs(float(run.driving_force[0, 0])) == pytest.approx(0.05 * 400 / (1 - pushes * 0.5 * np.tan(ALPHA)), rel=1e-10)
+    assert float(run.driving_force_error[0, 0]) < 1e-10
+
+
 def test_what_drives_wheels_apart_locks() -> None:
     """Between r2 cos(alpha) and r2: with straight teeth that press along the pitch circles alone the hinge would not hold."""
     given = rubbing(coulomb=0.1415 / 0.2, radius=0.2)
@@ -414,6 +431,27 @@ def test_a_hinge_that_sticks_feels_it() -> None:
     at_rest = (t > sticks) & (t < loose)
     assert np.ptp(run.q.values[at_rest]) == 0
     assert np.abs(run.qd.values[at_rest]).max() < 1e-15
+
+
+def test_sweeps_and_ensembles_that_rub() -> None:
+    """A sweep over the pressure angle by hand, runs of an ensemble as runs of their own."""
+    given = rubbing(coulomb=0.4, radius=0.2)
+    angles = [0.1, 0.35, 0.5]
+    axes = [{"parameter": "joint.mesh.pressure_angle", "values": angles}, {"coordinate": "A", "values": [0.3]}, {"rate": "A", "values": [2.0, -2.0]}]
+    swept = linkdyn.Scene(given).sweep({"reduce": ["driving_force"], "axis": axes}, keep="driving_force")
+    wanted = [[100 * 0.05 / (RADIUS - way * 0.08 / np.cos(angle)) for way in (1, -1)] for angle in angles]
+    np.testing.assert_allclose(np.abs(swept.driving_force.values).reshape(3, 2), wanted, rtol=1e-10)
+    for link in given["link"]:
+        link |= {"mass": 1.0, "inertia": {"diagonal": [0.01, 0.01, 0.02]}}
+    given["load"] = [{"on": "two.O", "moment": [0, 0, 1.0]}]
+    given["actuator"][0]["law"] = {"type": "formula", "value": "3 N*m*cos(9*time/(1 s))"}
+    scene = linkdyn.Scene(given)
+    times = np.linspace(0, 0.5, 6)
+    one = scene.forward(t=times, method="rk4", step=1e-3)
+    many = scene.ensemble([[0.0], [0.5]], [[0.0], [1.0]], times, step=1e-3)
+    assert (many.status == 0).all()
+    np.testing.assert_allclose(many.q.values[0], one.q.values, atol=1e-12)
+    assert np.abs(one.q.values).max() > 0.1
 
 
 def test_designs_that_rub() -> None:
