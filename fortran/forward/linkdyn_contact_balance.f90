@@ -5,9 +5,11 @@
 module linkdyn_contact_balance
     use linkdyn_contact, only: contact_type, n_press, pressing
     use linkdyn_contact_forces, only: solve_held
-    use linkdyn_friction_balance, only: balance_friction
+    use linkdyn_friction_balance, only: balance_friction, driven_press
+    use linkdyn_friction_state, only: friction_state, linear_press
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: driven_type
     implicit none (type, external)
     private
     public :: contact_responses, balance_contacts
@@ -15,13 +17,18 @@ module linkdyn_contact_balance
     !> How what is held accelerates and what presses, with no push and no friction, and what a unit of each adds.
     type :: contact_responses
         real(wp), allocatable :: away(:, :)            !! (lane, held)
-        real(wp), allocatable :: press(:, :, :)        !! (lane, n_press, contact) [N]
+        real(wp), allocatable, private :: press(:, :, :)               !! but for what drives wheels apart (lane, n_press, contact) [N]
+        real(wp), allocatable, private :: mesh(:, :)                   !! forces of teeth that do (lane, driven) [N]
         real(wp), allocatable, private :: away_by_push(:, :, :)        !! (lane, held, push)
         real(wp), allocatable, private :: press_by_push(:, :, :, :)    !! (lane, n_press, contact, push)
+        real(wp), allocatable, private :: mesh_by_push(:, :, :)        !! (lane, driven, push)
         real(wp), allocatable, private :: away_by_amount(:, :, :)      !! (lane, held, contact)
         real(wp), allocatable, private :: press_by_amount(:, :, :, :)  !! (lane, n_press, contact, contact)
+        real(wp), allocatable, private :: mesh_by_amount(:, :, :)      !! (lane, driven, contact)
+        type(driven_type), allocatable, private :: driven(:)           !! contacts that feel it
+        real(wp), allocatable, private :: part(:, :, :)                !! of each newton (lane, n_press, driven)
     contains
-        procedure :: make_room
+        procedure :: begin => begin_responses
         procedure :: note_push
         procedure :: note_amount
         procedure :: begin_there
@@ -30,64 +37,87 @@ module linkdyn_contact_balance
 
 contains
 
-    subroutine make_room(self, n_held, n_contact)
+    !> With no push and no friction `away` and what `friction` says have been found.
+    subroutine begin_responses(self, driven, away, friction)
         class(contact_responses), intent(inout) :: self
-        integer, intent(in) :: n_held, n_contact
+        type(driven_type), intent(in) :: driven(:)     !! of the model
+        real(wp), intent(in) :: away(:, :)             !! (lane, held)
+        type(friction_state), intent(in) :: friction
+        integer :: n_held, n_contact
 
-        allocate (self%away(lanes, n_held), self%press(lanes, n_press, n_contact))
+        n_held = size(away, 2)
+        n_contact = size(friction%press, 3)
+        self%driven = driven
+        self%away = away
+        self%press = linear_press(driven, friction)
+        self%mesh = friction%driven(:, 0, :)
+        self%part = friction%driven(:, 1:, :)
         allocate (self%away_by_push(lanes, n_held, n_held), self%press_by_push(lanes, n_press, n_contact, n_held), &
-                  self%away_by_amount(lanes, n_held, n_contact), self%press_by_amount(lanes, n_press, n_contact, n_contact), &
-                  source=0.0_wp)
-    end subroutine make_room
+                  self%mesh_by_push(lanes, size(driven), n_held), self%away_by_amount(lanes, n_held, n_contact), &
+                  self%press_by_amount(lanes, n_press, n_contact, n_contact), &
+                  self%mesh_by_amount(lanes, size(driven), n_contact), source=0.0_wp)
+    end subroutine begin_responses
 
     !> What a push alone has made.
-    subroutine note_push(self, k, unit, away, press)
+    subroutine note_push(self, k, unit, away, friction)
         class(contact_responses), intent(inout) :: self
         integer, intent(in) :: k
         real(wp), intent(in) :: unit(lanes)            !! that push
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
-        real(wp), intent(in) :: press(:, :, :)         !! (lane, n_press, contact)
+        type(friction_state), intent(in) :: friction
+        real(wp) :: press(lanes, n_press, size(self%press, 3))
         integer :: lane
 
+        press = linear_press(self%driven, friction)
         do lane = 1, lanes
             self%away_by_push(lane, :, k) = (away(lane, :) - self%away(lane, :))/unit(lane)
             self%press_by_push(lane, :, :, k) = (press(lane, :, :) - self%press(lane, :, :))/unit(lane)
+            self%mesh_by_push(lane, :, k) = (friction%driven(lane, 0, :) - self%mesh(lane, :))/unit(lane)
         end do
     end subroutine note_push
 
     !> The same of the friction of one contact alone.
-    subroutine note_amount(self, k, unit, away, press)
+    subroutine note_amount(self, k, unit, away, friction)
         class(contact_responses), intent(inout) :: self
         integer, intent(in) :: k
         real(wp), intent(in) :: unit(lanes)            !! that amount; 0: it does not rub
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
-        real(wp), intent(in) :: press(:, :, :)         !! (lane, n_press, contact)
+        type(friction_state), intent(in) :: friction
+        real(wp) :: press(lanes, n_press, size(self%press, 3))
         integer :: lane
 
+        press = linear_press(self%driven, friction)
         do lane = 1, lanes
             if (.not. unit(lane) > 0) cycle
             self%away_by_amount(lane, :, k) = (away(lane, :) - self%away(lane, :))/unit(lane)
             self%press_by_amount(lane, :, :, k) = (press(lane, :, :) - self%press(lane, :, :))/unit(lane)
+            self%mesh_by_amount(lane, :, k) = (friction%driven(lane, 0, :) - self%mesh(lane, :))/unit(lane)
         end do
     end subroutine note_amount
 
-    !> With these pushes and amounts `away` and this press have been found: what there is without them follows.
-    subroutine begin_there(self, push, amount, press)
+    !> With these pushes and the amounts of `friction` it and `away` have been found: what there is without them follows.
+    subroutine begin_there(self, push, away, friction)
         class(contact_responses), intent(inout) :: self
         real(wp), intent(in) :: push(:, :)             !! (lane, held)
-        real(wp), intent(in) :: amount(:, :)           !! (lane, contact)
-        real(wp), intent(in) :: press(:, :, :)         !! (lane, n_press, contact)
+        real(wp), intent(in) :: away(:, :)             !! (lane, held)
+        type(friction_state), intent(in) :: friction
         integer :: k, lane
 
-        self%press = press
+        self%away = away
+        self%press = linear_press(self%driven, friction)
+        self%mesh = friction%driven(:, 0, :)
         do lane = 1, lanes
             do k = 1, size(push, 2)
                 self%away(lane, :) = self%away(lane, :) - push(lane, k)*self%away_by_push(lane, :, k)
                 self%press(lane, :, :) = self%press(lane, :, :) - push(lane, k)*self%press_by_push(lane, :, :, k)
+                self%mesh(lane, :) = self%mesh(lane, :) - push(lane, k)*self%mesh_by_push(lane, :, k)
             end do
-            do k = 1, size(amount, 2)
-                self%away(lane, :) = self%away(lane, :) - amount(lane, k)*self%away_by_amount(lane, :, k)
-                self%press(lane, :, :) = self%press(lane, :, :) - amount(lane, k)*self%press_by_amount(lane, :, :, k)
+            do k = 1, size(friction%amount, 2)
+                associate (amount => friction%amount(lane, k))
+                    self%away(lane, :) = self%away(lane, :) - amount*self%away_by_amount(lane, :, k)
+                    self%press(lane, :, :) = self%press(lane, :, :) - amount*self%press_by_amount(lane, :, :, k)
+                    self%mesh(lane, :) = self%mesh(lane, :) - amount*self%mesh_by_amount(lane, :, k)
+                end associate
             end do
         end do
     end subroutine begin_there
@@ -105,6 +135,7 @@ contains
         integer, intent(out) :: holding                !! the contact that holds the mechanism fast; 0: none does
         real(wp) :: press(n_press, size(contact)), slope(n_press, size(contact), size(contact))
         real(wp) :: by_amount(size(push), size(contact))
+        type(driven_press) :: driven
         integer, allocatable :: held(:)
         integer :: i, k
 
@@ -119,13 +150,19 @@ contains
         end associate
         press = found%press(lane, :, :)
         slope = found%press_by_amount(lane, :, :, :)
+        driven%contact = found%driven%contact
+        driven%force = found%mesh(lane, :)
+        driven%slope = found%mesh_by_amount(lane, :, :)
+        driven%part = found%part(lane, :, :)
         do i = 1, size(held)
             press = press + push(held(i))*found%press_by_push(lane, :, :, held(i))
+            driven%force = driven%force + push(held(i))*found%mesh_by_push(lane, :, held(i))
             do k = 1, size(contact)
                 slope(:, :, k) = slope(:, :, k) + by_amount(held(i), k)*found%press_by_push(lane, :, :, held(i))
+                driven%slope(:, k) = driven%slope(:, k) + by_amount(held(i), k)*found%mesh_by_push(lane, :, held(i))
             end do
         end do
-        call balance_friction(contact, factor, press, slope, amount, holding)
+        call balance_friction(contact, factor, press, slope, amount, holding, driven)
         push = push + matmul(by_amount, amount)
     end subroutine balance_contacts
 

@@ -119,6 +119,7 @@ contains
         real(wp), intent(in) :: wanted(:, :)           !! accelerations of what is held (lane, n_held)
         real(wp), intent(out) :: push(:, :)            !! (lane, n_held)
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
+        real(wp) :: away(lanes, size(push, 2))
         type(contact_responses) :: found
         integer :: turn, lane
 
@@ -135,8 +136,8 @@ contains
                     if (workspace%state%holding(lane) > 0) call flag_locked(lane)
                 end do
                 call spread_over_spare_lanes()
-                call push_and_rub(self, push, found%away)
-                call found%begin_there(push, friction%amount, friction%press)
+                call push_and_rub(self, push, away)
+                call found%begin_there(push, away, friction)
             end do
             do lane = 1, self%n_used
                 if (workspace%status(lane) /= sample_ok) cycle
@@ -199,9 +200,8 @@ contains
         associate (workspace => self%workspace, friction => self%workspace%friction, rub => self%equations%rub)
             friction%amount = 0
             push = 0
-            call found%make_room(size(push, 2), size(rub))
-            call push_and_rub(self, push, found%away)
-            found%press = friction%press
+            call push_and_rub(self, push, away)
+            call found%begin(self%model%driven, away, friction)
             call pressing_forces(rub, friction, force)
             unit = much*max(1.0_wp, maxval(abs(force), dim=2), maxval(abs(workspace%driving_force), dim=2))
             where (.not. unit <= huge(1.0_wp)) unit = 1
@@ -210,7 +210,7 @@ contains
                 push = 0
                 push(:, k) = unit
                 call push_and_rub(self, push, away)
-                call found%note_push(k, unit, away, friction%press)
+                call found%note_push(k, unit, away, friction)
             end do
             push = 0
             do k = 1, size(rub)
@@ -220,7 +220,7 @@ contains
                 friction%amount = 0
                 friction%amount(:, k) = unit
                 call push_and_rub(self, push, away)
-                call found%note_amount(k, unit, away, friction%press)
+                call found%note_amount(k, unit, away, friction)
             end do
             friction%amount = 0
         end associate
