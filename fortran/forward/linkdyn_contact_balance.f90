@@ -14,19 +14,22 @@ module linkdyn_contact_balance
     private
     public :: contact_responses, balance_contacts
 
+    !> What a unit of each cause adds.
+    type :: unit_effects
+        real(wp), allocatable :: away(:, :, :)         !! (lane, held, cause)
+        real(wp), allocatable :: press(:, :, :, :)     !! (lane, n_press, contact, cause)
+        real(wp), allocatable :: mesh(:, :, :)         !! (lane, driven, cause)
+    end type unit_effects
+
     !> How what is held accelerates and what presses, with no push and no friction, and what a unit of each adds.
     type :: contact_responses
+        private
         real(wp), allocatable :: away(:, :)            !! (lane, held)
-        real(wp), allocatable, private :: press(:, :, :)               !! but for what drives wheels apart (lane, n_press, contact) [N]
-        real(wp), allocatable, private :: mesh(:, :)                   !! forces of teeth that do (lane, driven) [N]
-        real(wp), allocatable, private :: away_by_push(:, :, :)        !! (lane, held, push)
-        real(wp), allocatable, private :: press_by_push(:, :, :, :)    !! (lane, n_press, contact, push)
-        real(wp), allocatable, private :: mesh_by_push(:, :, :)        !! (lane, driven, push)
-        real(wp), allocatable, private :: away_by_amount(:, :, :)      !! (lane, held, contact)
-        real(wp), allocatable, private :: press_by_amount(:, :, :, :)  !! (lane, n_press, contact, contact)
-        real(wp), allocatable, private :: mesh_by_amount(:, :, :)      !! (lane, driven, contact)
-        type(driven_type), allocatable, private :: driven(:)           !! contacts that feel it
-        real(wp), allocatable, private :: part(:, :, :)                !! of each newton (lane, n_press, driven)
+        real(wp), allocatable :: press(:, :, :)        !! but for what drives wheels apart (lane, n_press, contact) [N]
+        real(wp), allocatable :: mesh(:, :)            !! forces of teeth that do (lane, driven) [N]
+        type(driven_type), allocatable :: driven(:)    !! contacts that feel it
+        real(wp), allocatable :: part(:, :, :)         !! of each newton (lane, n_press, driven)
+        type(unit_effects) :: of_push, of_amount
     contains
         procedure :: begin => begin_responses
         procedure :: note_push
@@ -43,84 +46,93 @@ contains
         type(driven_type), intent(in) :: driven(:)     !! of the model
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
         type(friction_state), intent(in) :: friction
-        integer :: n_held, n_contact
 
-        n_held = size(away, 2)
-        n_contact = size(friction%press, 3)
         self%driven = driven
-        self%away = away
-        self%press = linear_press(driven, friction)
-        self%mesh = friction%driven(:, 0, :)
         self%part = friction%driven(:, 1:, :)
-        allocate (self%away_by_push(lanes, n_held, n_held), self%press_by_push(lanes, n_press, n_contact, n_held), &
-                  self%mesh_by_push(lanes, size(driven), n_held), self%away_by_amount(lanes, n_held, n_contact), &
-                  self%press_by_amount(lanes, n_press, n_contact, n_contact), &
-                  self%mesh_by_amount(lanes, size(driven), n_contact), source=0.0_wp)
+        call begin_there(self, away, friction)
+        call make_room(size(away, 2), size(friction%press, 3), size(driven), size(away, 2), self%of_push)
+        call make_room(size(away, 2), size(friction%press, 3), size(driven), size(friction%press, 3), self%of_amount)
     end subroutine begin_responses
+
+    subroutine make_room(n_held, n_contact, n_driven, n_cause, effects)
+        integer, intent(in) :: n_held, n_contact, n_driven, n_cause
+        type(unit_effects), intent(inout) :: effects
+
+        allocate (effects%away(lanes, n_held, n_cause), effects%press(lanes, n_press, n_contact, n_cause), &
+                  effects%mesh(lanes, n_driven, n_cause), source=0.0_wp)
+    end subroutine make_room
 
     !> What a push alone has made.
     subroutine note_push(self, k, unit, away, friction)
         class(contact_responses), intent(inout) :: self
         integer, intent(in) :: k
-        real(wp), intent(in) :: unit(lanes)            !! that push
+        real(wp), intent(in) :: unit(lanes)            !! that push; 0: there is none
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
         type(friction_state), intent(in) :: friction
-        real(wp) :: press(lanes, n_press, size(self%press, 3))
-        integer :: lane
 
-        press = linear_press(self%driven, friction)
-        do lane = 1, lanes
-            self%away_by_push(lane, :, k) = (away(lane, :) - self%away(lane, :))/unit(lane)
-            self%press_by_push(lane, :, :, k) = (press(lane, :, :) - self%press(lane, :, :))/unit(lane)
-            self%mesh_by_push(lane, :, k) = (friction%driven(lane, 0, :) - self%mesh(lane, :))/unit(lane)
-        end do
+        call note_effect(self%away, self%press, self%mesh, self%driven, unit, away, friction, k, self%of_push)
     end subroutine note_push
 
-    !> The same of the friction of one contact alone.
+    !> What the friction of a contact alone has made.
     subroutine note_amount(self, k, unit, away, friction)
         class(contact_responses), intent(inout) :: self
         integer, intent(in) :: k
         real(wp), intent(in) :: unit(lanes)            !! that amount; 0: it does not rub
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
         type(friction_state), intent(in) :: friction
-        real(wp) :: press(lanes, n_press, size(self%press, 3))
-        integer :: lane
 
-        press = linear_press(self%driven, friction)
-        do lane = 1, lanes
-            if (.not. unit(lane) > 0) cycle
-            self%away_by_amount(lane, :, k) = (away(lane, :) - self%away(lane, :))/unit(lane)
-            self%press_by_amount(lane, :, :, k) = (press(lane, :, :) - self%press(lane, :, :))/unit(lane)
-            self%mesh_by_amount(lane, :, k) = (friction%driven(lane, 0, :) - self%mesh(lane, :))/unit(lane)
-        end do
+        call note_effect(self%away, self%press, self%mesh, self%driven, unit, away, friction, k, self%of_amount)
     end subroutine note_amount
 
-    !> With these pushes and the amounts of `friction` it and `away` have been found: what there is without them follows.
-    subroutine begin_there(self, push, away, friction)
+    subroutine note_effect(away_before, press_before, mesh_before, driven, unit, away, friction, k, effects)
+        real(wp), intent(in) :: away_before(:, :), press_before(:, :, :), mesh_before(:, :)
+        type(driven_type), intent(in) :: driven(:)
+        real(wp), intent(in) :: unit(lanes), away(:, :)
+        type(friction_state), intent(in) :: friction
+        integer, intent(in) :: k
+        type(unit_effects), intent(inout) :: effects
+        real(wp) :: press(lanes, n_press, size(press_before, 3))
+        integer :: lane
+
+        press = linear_press(driven, friction)
+        do lane = 1, lanes
+            if (.not. unit(lane) > 0) cycle
+            effects%away(lane, :, k) = (away(lane, :) - away_before(lane, :))/unit(lane)
+            effects%press(lane, :, :, k) = (press(lane, :, :) - press_before(lane, :, :))/unit(lane)
+            effects%mesh(lane, :, k) = (friction%driven(lane, 0, :) - mesh_before(lane, :))/unit(lane)
+        end do
+    end subroutine note_effect
+
+    !> `away` and what `friction` says have been found with these pushes, or none, and its amounts: what there is without both follows.
+    subroutine begin_there(self, away, friction, push)
         class(contact_responses), intent(inout) :: self
-        real(wp), intent(in) :: push(:, :)             !! (lane, held)
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
         type(friction_state), intent(in) :: friction
-        integer :: k, lane
+        real(wp), intent(in), optional :: push(:, :)   !! (lane, held); absent: nothing pushes or rubs
 
         self%away = away
         self%press = linear_press(self%driven, friction)
         self%mesh = friction%driven(:, 0, :)
-        do lane = 1, lanes
-            do k = 1, size(push, 2)
-                self%away(lane, :) = self%away(lane, :) - push(lane, k)*self%away_by_push(lane, :, k)
-                self%press(lane, :, :) = self%press(lane, :, :) - push(lane, k)*self%press_by_push(lane, :, :, k)
-                self%mesh(lane, :) = self%mesh(lane, :) - push(lane, k)*self%mesh_by_push(lane, :, k)
-            end do
-            do k = 1, size(friction%amount, 2)
-                associate (amount => friction%amount(lane, k))
-                    self%away(lane, :) = self%away(lane, :) - amount*self%away_by_amount(lane, :, k)
-                    self%press(lane, :, :) = self%press(lane, :, :) - amount*self%press_by_amount(lane, :, :, k)
-                    self%mesh(lane, :) = self%mesh(lane, :) - amount*self%mesh_by_amount(lane, :, k)
-                end associate
+        if (.not. present(push)) return
+        call take_away(push, self%of_push, self%away, self%press, self%mesh)
+        call take_away(friction%amount, self%of_amount, self%away, self%press, self%mesh)
+    end subroutine begin_there
+
+    !> What causes of these sizes do.
+    pure subroutine take_away(amount, effects, away, press, mesh)
+        real(wp), intent(in) :: amount(:, :)           !! (lane, cause)
+        type(unit_effects), intent(in) :: effects
+        real(wp), intent(inout) :: away(:, :), press(:, :, :), mesh(:, :)
+        integer :: k, lane
+
+        do k = 1, size(amount, 2)
+            do lane = 1, lanes
+                away(lane, :) = away(lane, :) - amount(lane, k)*effects%away(lane, :, k)
+                press(lane, :, :) = press(lane, :, :) - amount(lane, k)*effects%press(lane, :, :, k)
+                mesh(lane, :) = mesh(lane, :) - amount(lane, k)*effects%mesh(lane, :, k)
             end do
         end do
-    end subroutine begin_there
+    end subroutine take_away
 
     !> Pushes that give what is held the accelerations wanted, and the friction that there is with them, of one lane.
     subroutine balance_contacts(contact, factor, is_held, wanted, lane, found, push, amount, holding)
@@ -142,24 +154,24 @@ contains
         held = pack([(i, i=1, size(push))], is_held)
         push = 0
         by_amount = 0
-        associate (response => found%away_by_push(lane, held, held))
+        associate (response => found%of_push%away(lane, held, held))
             push(held) = solve_held(response, wanted(held) - found%away(lane, held))
             do k = 1, size(contact)
-                if (factor(k) > 0) by_amount(held, k) = solve_held(response, -found%away_by_amount(lane, held, k))
+                if (factor(k) > 0) by_amount(held, k) = solve_held(response, -found%of_amount%away(lane, held, k))
             end do
         end associate
         press = found%press(lane, :, :)
-        slope = found%press_by_amount(lane, :, :, :)
+        slope = found%of_amount%press(lane, :, :, :)
         driven%contact = found%driven%contact
         driven%force = found%mesh(lane, :)
-        driven%slope = found%mesh_by_amount(lane, :, :)
+        driven%slope = found%of_amount%mesh(lane, :, :)
         driven%part = found%part(lane, :, :)
         do i = 1, size(held)
-            press = press + push(held(i))*found%press_by_push(lane, :, :, held(i))
-            driven%force = driven%force + push(held(i))*found%mesh_by_push(lane, :, held(i))
+            press = press + push(held(i))*found%of_push%press(lane, :, :, held(i))
+            driven%force = driven%force + push(held(i))*found%of_push%mesh(lane, :, held(i))
             do k = 1, size(contact)
-                slope(:, :, k) = slope(:, :, k) + by_amount(held(i), k)*found%press_by_push(lane, :, :, held(i))
-                driven%slope(:, k) = driven%slope(:, k) + by_amount(held(i), k)*found%mesh_by_push(lane, :, held(i))
+                slope(:, :, k) = slope(:, :, k) + by_amount(held(i), k)*found%of_push%press(lane, :, :, held(i))
+                driven%slope(:, k) = driven%slope(:, k) + by_amount(held(i), k)*found%of_push%mesh(lane, :, held(i))
             end do
         end do
         call balance_friction(contact, factor, press, slope, amount, holding, driven)
@@ -187,12 +199,12 @@ contains
         taken = abs(away)
         do k = 1, size(contact)
             force(k) = pressing(contact(k), press(:, k))
-            away = away + amount(k)*self%away_by_amount(lane, :, k)
-            taken = max(taken, abs(amount(k)*self%away_by_amount(lane, :, k)))
+            away = away + amount(k)*self%of_amount%away(lane, :, k)
+            taken = max(taken, abs(amount(k)*self%of_amount%away(lane, :, k)))
         end do
         do k = 1, size(push)
-            away = away + push(k)*self%away_by_push(lane, :, k)
-            taken = max(taken, abs(self%away_by_push(lane, :, k))*max(abs(push(k)), small*maxval(force)))
+            away = away + push(k)*self%of_push%away(lane, :, k)
+            taken = max(taken, abs(self%of_push%away(lane, :, k))*max(abs(push(k)), small*maxval(force)))
         end do
         fits = all(abs(wanted - away) <= still*maxval(taken, mask=is_held) .or. .not. is_held) &
                .and. all(abs(factor*force - amount) <= misfit*factor*maxval(force))

@@ -18,16 +18,30 @@ contains
     !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
     !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     module procedure accelerate
+        call push_and_rub(self, push, .true., away)
+    end procedure accelerate
+
+    !> The same with the friction that fits, or with as much as the workspace says.
+    subroutine push_and_rub(self, push, finds_friction, away)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: push(:, :)             !! (lane, n_held)
+        logical, intent(in) :: finds_friction
+        real(wp), intent(out) :: away(:, :)            !! (lane, n_held)
+
         associate (state => self%workspace%state, n => n_stop(self%model%scene))
             if (.not. self%held%is_measured) call measure_held(self%model, state, self%held)
             state%stop_force = push(:, :n)
             state%clutch_force = self%clutch%rub + push(:, n + 1:)
-            call solve_again(self%model, self%equations, self%workspace)
+            if (finds_friction) then
+                call solve_again(self%model, self%equations, self%workspace)
+            else
+                call solve_with_amounts(self%model, self%equations, self%workspace)
+            end if
             state%stop_force = 0
             state%clutch_force = self%clutch%rub
             away = accelerations_with(self%held, self%workspace%acceleration - state%qdd)
         end associate
-    end procedure accelerate
+    end subroutine push_and_rub
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
@@ -136,8 +150,8 @@ contains
                     if (workspace%state%holding(lane) > 0) call flag_locked(lane)
                 end do
                 call spread_over_spare_lanes()
-                call push_and_rub(self, push, away)
-                call found%begin_there(push, away, friction)
+                call push_and_rub(self, push, .false., away)
+                call found%begin_there(away, friction, push)
             end do
             do lane = 1, self%n_used
                 if (workspace%status(lane) /= sample_ok) cycle
@@ -170,23 +184,6 @@ contains
         end subroutine spread_over_spare_lanes
     end subroutine hold_what_rubs
 
-    !> What presses, and accelerations away from stops and of slips, where stops and clutches push and contacts rub as they are told.
-    subroutine push_and_rub(self, push, away)
-        class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: push(:, :)             !! (lane, n_held)
-        real(wp), intent(out) :: away(:, :)            !! (lane, n_held)
-
-        associate (state => self%workspace%state, n => n_stop(self%model%scene))
-            if (.not. self%held%is_measured) call measure_held(self%model, state, self%held)
-            state%stop_force = push(:, :n)
-            state%clutch_force = self%clutch%rub + push(:, n + 1:)
-            call solve_with_amounts(self%model, self%equations, self%workspace)
-            state%stop_force = 0
-            state%clutch_force = self%clutch%rub
-            away = accelerations_with(self%held, self%workspace%acceleration - state%qdd)
-        end associate
-    end subroutine push_and_rub
-
     !> What a unit push of each that holds does, and a unit of each contact's friction.
     subroutine find_contact_responses(self, is_held, found)
         class(forward_system), intent(inout) :: self
@@ -200,7 +197,7 @@ contains
         associate (workspace => self%workspace, friction => self%workspace%friction, rub => self%equations%rub)
             friction%amount = 0
             push = 0
-            call push_and_rub(self, push, away)
+            call push_and_rub(self, push, .false., away)
             call found%begin(self%model%driven, away, friction)
             call pressing_forces(rub, friction, force)
             unit = much*max(1.0_wp, maxval(abs(force), dim=2), maxval(abs(workspace%driving_force), dim=2))
@@ -209,7 +206,7 @@ contains
                 if (.not. any(is_held(:self%n_used, k))) cycle
                 push = 0
                 push(:, k) = unit
-                call push_and_rub(self, push, away)
+                call push_and_rub(self, push, .false., away)
                 call found%note_push(k, unit, away, friction)
             end do
             push = 0
@@ -219,7 +216,7 @@ contains
                 if (.not. any(unit(:self%n_used) > 0)) cycle
                 friction%amount = 0
                 friction%amount(:, k) = unit
-                call push_and_rub(self, push, away)
+                call push_and_rub(self, push, .false., away)
                 call found%note_amount(k, unit, away, friction)
             end do
             friction%amount = 0
