@@ -255,7 +255,8 @@ contains
         end do
     end subroutine lock
 
-    !> Which of the clutches without slip hold from here; what rounding has left of the slip of those goes.
+    !> Which of the clutches without slip hold from here, and which way the others slip; what rounding has left of a slip that holds, or
+    !> goes the other way, goes.
     subroutine decide(self, t, y, is_concerned, is_free, must_slip, positive)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -286,7 +287,7 @@ contains
             call self%evaluate_on_lanes(t, y, rate, failed)
             call find_responses(self, takes_part, .false., response, of_coordinates)
             call share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
-            call take_last_slip(self, t, takes_part .and. holds .and. spread(is_concerned, 2, n_held(self%model)), takes_part, &
+            call take_last_slip(self, t, holds, sense, takes_part .and. spread(is_concerned, 2, n_held(self%model)), takes_part, &
                                 response, of_coordinates, y)
         end if
         call keep_places(self, t, y, is_concerned)
@@ -416,18 +417,22 @@ contains
         self%clutch%holds = held
     end subroutine find_grip
 
-    !> What holds has no slip, and no speed at its stop, to the last digit.
-    subroutine take_last_slip(self, t, is_held, takes_part, response, of_coordinates, y)
+    !> What holds has no slip, and no speed at its stop, to the last digit, nor has what is to slip the other way: else it would cross zero
+    !> again at this instant, and so on without end.
+    subroutine take_last_slip(self, t, holds, sense, is_concerned, takes_part, response, of_coordinates, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
-        logical, intent(in) :: is_held(:, :), takes_part(:, :)     !! (lane, n_held)
+        logical, intent(in) :: holds(:, :)             !! (lane, n_held)
+        real(wp), intent(in) :: sense(:, :)            !! of what slips (lane, n_held)
+        logical, intent(in) :: is_concerned(:, :), takes_part(:, :)    !! (lane, n_held)
         real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
         real(wp), intent(in) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
         real(wp), intent(inout) :: y(:, :)
-        real(wp) :: change(lanes, size(is_held, 2))
+        real(wp), dimension(lanes, size(holds, 2)) :: rate, change
 
         call self%look_closely(t, y)
-        call solve_contacts(response, is_held, -rates_held(self%model, self%look, level_velocity), change)
+        rate = rates_held(self%model, self%look, level_velocity)
+        call solve_contacts(response, is_concerned .and. (holds .or. sense*rate < 0), -rate, change)
         call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
         call still_rates(self%model, self%layout, self%clutch%holds, y)
     end subroutine take_last_slip

@@ -64,3 +64,12 @@ def leg_axis(run, i: int) -> np.ndarray:
             @ stack([c, -u, zero], [u, c, zero], [zero, zero, one]))
     way = x[:, :3] + turn @ point[f"P{i}"] - point[f"B{i}"]
     return way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+@pytest.mark.thorough
+def test_friction_of_next_to_nothing_does_not_stop_a_run() -> None:
+    """Massless legs press their guides with a hundred-thousandth of a newton: the platform swings down to speeds of 1e-10 m/s, which have
+    rounding of the stiff legs' forces, and slips that are to turn back at an instant must do so from zero."""
+    run = with_friction("stewart_forward", [f"leg{i}.P" for i in range(1, 7)], "").forward(1.85)
+    assert not run.attrs["stopped"]
+    assert (run["status"].values == 0).all()
