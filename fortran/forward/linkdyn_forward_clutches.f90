@@ -94,6 +94,7 @@ contains
 
     !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds.
     module procedure engage
+        real(wp), parameter :: same_instant = 4096     !! last places of the clock: steps behind an event are some tens long
         real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
         real(wp) :: y_before(lanes, self%n), loss(lanes)
         logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free
@@ -108,7 +109,7 @@ contains
         ! What has broken loose at this instant does not hold again before anything has moved: others that do so then would hold
         ! in turn, without end.
         must_slip = must_slip .or. (is_closed .and. .not. held .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
-                                    .and. self%clutch%loosened >= spread(t - 64*spacing(t), 2, size(held, 2)))
+                                    .and. self%clutch%loosened >= spread(t - same_instant*spacing(t), 2, size(held, 2)))
         is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)
         positive = spread(self%model%scene%clutch%is_positive, 1, lanes)
         call note_slips(self, t, y, was_closed, held)

@@ -245,8 +245,7 @@ contains
 
         rate = [character(len=name_len + 8) ::]
         do k = 1, size(scene%coordinate)
-            if (by_angle(k)) rate = [rate, [character(len=name_len + 8) :: "qd "//scene%coordinate(k)%name, &
-                                            "qdd "//scene%coordinate(k)%name]]
+            if (by_angle(k)) rate = [rate, rate_columns(scene%coordinate(k)%name)]
         end do
         do k = 1, size(is_turned)
             if (is_turned(k)) rate = [rate, spin_columns(model, k)]
@@ -257,6 +256,15 @@ contains
         call fail(status, status_bad_input, trim(table%file)//": a motion with some of the rates, but no column " &
                   //quoted(rate(findloc(is_there, .false., dim=1)))//" (expected all of them, or positions alone)")
     end subroutine find_out_rates
+
+    !> Names of the columns that have a coordinate's rate and acceleration.
+    pure function rate_columns(coordinate) result(column)
+        character(len=*), intent(in) :: coordinate
+        character(len=name_len + 8) :: column(2)
+
+        column(1) = "qd "//coordinate
+        column(2) = "qdd "//coordinate
+    end function rate_columns
 
     !> Names of the columns that have an attitude's quaternion.
     pure function quaternion_columns(model, attitude) result(column)
