@@ -44,7 +44,7 @@ module linkdyn_equations
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
     public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, solve_with_amounts
-    public :: found_of, renew_equations
+    public :: flag_locked, found_of, renew_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -668,14 +668,24 @@ contains
                 call balance_friction(equations%rub, friction%factor(lane, :), press(lane, :, :), friction%slope(lane, :, :, :), &
                                       friction%amount(lane, :), workspace%state%holding(lane), &
                                       driven)
-                if (workspace%state%holding(lane) == 0) cycle
-                workspace%status(lane) = sample_locked
-                associate (holding => workspace%state%holding(lane), n_contact => size(model%contact))
-                    if (holding > n_contact) holding = n_contact + equations%lossy(holding - n_contact)
-                end associate
+                call flag_locked(model, equations, lane, workspace)
             end do
         end associate
     end subroutine continue_friction
+
+    !> A lane that one of `equations%rub` holds fast, if one does: contacts are told as such, transmissions by their motors.
+    subroutine flag_locked(model, equations, lane, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        integer, intent(in) :: lane
+        type(equation_workspace), intent(inout) :: workspace
+
+        associate (holding => workspace%state%holding(lane), n_contact => size(model%contact))
+            if (holding == 0) return
+            workspace%status(lane) = sample_locked
+            if (holding > n_contact) holding = n_contact + equations%lossy(holding - n_contact)
+        end associate
+    end subroutine flag_locked
 
     !> What each contact's friction does to all that presses.
     subroutine find_slopes(model, equations, press, mesh, largest, workspace)

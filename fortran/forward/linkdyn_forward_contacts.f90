@@ -4,13 +4,13 @@
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
-    use linkdyn_equations, only: solve_again, solve_with_amounts
+    use linkdyn_equations, only: solve_again, solve_with_amounts, flag_locked
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_friction_state, only: pressing_forces
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_status, only: sample_not_converged, sample_locked
+    use linkdyn_status, only: sample_not_converged
     implicit none (type, external)
 
 contains
@@ -147,7 +147,7 @@ contains
                     if (workspace%status_of_motion(lane) /= sample_ok) cycle
                     call balance_contacts(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), &
                                           lane, found, push(lane, :), friction%amount(lane, :), workspace%state%holding(lane))
-                    if (workspace%state%holding(lane) > 0) call flag_locked(lane)
+                    call flag_locked(self%model, self%equations, lane, workspace)
                 end do
                 call spread_over_spare_lanes()
                 call push_and_rub(self, push, .false., away)
@@ -163,15 +163,6 @@ contains
         end associate
 
     contains
-
-        subroutine flag_locked(lane)
-            integer, intent(in) :: lane
-
-            self%workspace%status(lane) = sample_locked
-            associate (holding => self%workspace%state%holding(lane), n_contact => size(self%model%contact))
-                if (holding > n_contact) holding = n_contact + self%equations%lossy(holding - n_contact)
-            end associate
-        end subroutine flag_locked
 
         !> Lanes that nobody looks at are like the last of the others.
         subroutine spread_over_spare_lanes()

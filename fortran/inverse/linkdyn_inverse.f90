@@ -242,23 +242,30 @@ contains
         !> The records and programs that serve, made when they are wanted first.
         subroutine look_for_programs(n_all)
             integer, intent(in) :: n_all                        !! samples of this batch and those to come
-            logical :: has_stand_ins, all_turned
+            logical :: all_turned
             integer :: i
 
-            has_stand_ins = .false.
-            if (present(own)) has_stand_ins = any(model%scene%coordinate%for_joint > 0)
             all_turned = .false.
             if (present(quaternion)) all_turned = all([(motion%is_turned(i), i=1, n)])
             if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
                 call need_closer(model, solver, q, closer)
             if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
-                (has_stand_ins .or. present(known) .or. all_turned .or. present(given_force))) then
+                (stands_in(model, own) .or. present(known) .or. all_turned .or. present(given_force))) then
                 call need_record(model, solver, results, q, recorded)
                 if (present(trail) .and. n > 0) call need_margins(model, solver, q, by_record%record)
                 by_record%threads = threads
             end if
         end subroutine look_for_programs
     end subroutine run_prepared
+
+    !> Do coordinates of the model stand in for those of another one?
+    pure logical function stands_in(model, own)
+        type(model_type), intent(in) :: model
+        type(model_type), intent(in), optional :: own          !! that one
+
+        stands_in = .false.
+        if (present(own)) stands_in = any(model%scene%coordinate%for_joint > 0)
+    end function stands_in
 
     !> Where links are closed by iteration their places are found first, then the forces: what stands between has to stay in the cache.
     pure integer function samples_of_a_round(model, n) result(length)
@@ -296,8 +303,7 @@ contains
         logical :: has_stand_ins, is_on_way, counts_turns, some_turned, all_turned
 
         n = size(motion%q, 2)
-        has_stand_ins = .false.
-        if (present(own)) has_stand_ins = any(model%scene%coordinate%for_joint > 0)
+        has_stand_ins = stands_in(model, own)
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         counts_turns = .false.
         if (present(turns)) counts_turns = results%wants(result_joint_variable)
