@@ -14,7 +14,7 @@ module linkdyn_turns
     use linkdyn_whole_turns, only: nearest_turns, least_angle
     implicit none (type, external)
     private
-    public :: turn_count, turning_angles, list_turning, turns_by_itself, count_sample, turn_at_mean_rates
+    public :: turn_count, turning_angles, list_turning, turns_by_itself, count_sample, take_turns_off, turn_at_mean_rates
     public :: size_of_step, largest_step
 
     !> Steps of coordinates that are longer leave room for a turn between alike rates [rad, or the scene's size].
@@ -112,6 +112,23 @@ contains
             end associate
         end do
     end subroutine count_sample
+
+    !> Angles of samples on their own are within half a turn of zero. Half a turn itself is told as one up, also where rounding, or
+    !> the sign of a zero, has it the other way.
+    pure subroutine take_turns_off(model, variable)
+        type(model_type), intent(in) :: model
+        real(wp), intent(inout) :: variable(:, :)      !! joint variables (n_variable, n)
+        integer :: j, v
+
+        do j = 1, model%n_joint
+            do v = 1, joint_n_variable(model%joint(j)%told_kind)
+                if (.not. goes_round(model%joint(j)%told_kind, v)) cycle
+                associate (angle => variable(model%joint(j)%first_variable + v, :))
+                    angle = least_angle(angle)
+                end associate
+            end do
+        end do
+    end subroutine take_turns_off
 
     !> How far a step of the coordinates goes: the largest angle of it, a length over the scene's size.
     pure real(wp) function size_of_step(angles, step) result(length)

@@ -25,14 +25,16 @@ contains
         least = angle - two_pi*nearest_turns(angle)
     end function least_angle
 
-    !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call.
+    !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call. Half a turn is
+    !> half a turn up, whichever way rounding has it: what is left is in (-pi, pi], but for rounding.
     elemental real(wp) function nearest_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
         real(wp), parameter :: surely_none = 3    ! less than half a turn
+        real(wp), parameter :: rounding = 256*epsilon(1.0_wp)   ! of angles by way of some links, in turns
 
         turns = 0
         ! written so that no number has no turns
-        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi)
+        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi - rounding)
     end function nearest_turns
 
     !> Has an angle so many turns that rounding leaves less than half of the digits of its rest?

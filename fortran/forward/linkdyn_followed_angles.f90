@@ -16,6 +16,7 @@ module linkdyn_followed_angles
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_turns, only: turning_angles, list_turning
+    use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
     public :: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, &
@@ -144,11 +145,8 @@ contains
         real(wp), intent(in) :: before                         !! [rad]
         real(wp), intent(in) :: spin_before, spin              !! [rad/s]
         real(wp), intent(in) :: duration                       !! [s]
-        real(wp) :: n_turn
 
-        n_turn = (value - (before + (spin_before + spin)/2*duration))/two_pi
-        angle = value
-        if (abs(n_turn) >= 0.5_wp) angle = value - two_pi*anint(n_turn)    ! rarely: rounding is a call of a library
+        angle = value - two_pi*nearest_turns(value - (before + (spin_before + spin)/2*duration))
     end function turned_to
 
     !> A step has led to the accepted state; nothing within it is known.

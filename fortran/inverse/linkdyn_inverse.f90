@@ -28,7 +28,7 @@ module linkdyn_inverse
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_undefined
-    use linkdyn_turns, only: turn_count
+    use linkdyn_turns, only: turn_count, take_turns_off
     implicit none (type, external)
     private
     public :: shared_places, inverse_options, inverse_results, inverse_solver
@@ -324,7 +324,11 @@ contains
         if (associated(recorded)) call run_by_record(model, recorded, threads, motion, batch%stand, results, batch%n, batch%sample)
         call run_lanes()
         call tell_outcome(model, motion, batch, present(trail), is_on_way, results)
-        if (counts_turns) call count_turns()
+        if (counts_turns) then
+            call count_turns()
+        else if (results%wants(result_joint_variable)) then
+            call take_turns_off(model, results%of(result_joint_variable)%x)
+        end if
 
     contains
 
