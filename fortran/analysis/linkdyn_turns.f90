@@ -11,7 +11,7 @@ module linkdyn_turns
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, is_length, scene_size
     use linkdyn_scene, only: joint_n_variable, joint_spherical, frame_link
-    use linkdyn_whole_turns, only: nearest_turns, least_angle
+    use linkdyn_whole_turns, only: told_turns, least_angle
     implicit none (type, external)
     private
     public :: turn_count, turning_angles, list_turning, turns_by_itself, count_sample, take_turns_off, turn_at_mean_rates
@@ -108,7 +108,7 @@ contains
             associate (v => angles%variable(i), k => angles%coordinate(i))
                 place = about(v)
                 if (present(q) .and. k > 0) place = q(k)
-                value(v) = value(v) - two_pi*nearest_turns(value(v) - place)
+                value(v) = value(v) - two_pi*told_turns(value(v) - place)
             end associate
         end do
     end subroutine count_sample
@@ -124,7 +124,7 @@ contains
             do v = 1, joint_n_variable(model%joint(j)%told_kind)
                 if (.not. goes_round(model%joint(j)%told_kind, v)) cycle
                 associate (angle => variable(model%joint(j)%first_variable + v, :))
-                    angle = least_angle(angle)
+                    angle = angle - two_pi*told_turns(angle)
                 end associate
             end do
         end do

@@ -8,13 +8,15 @@ module linkdyn_whole_turns
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: whole_turns, take_off, with_turns, nearest_turns, least_angle, has_vague_turn
+    public :: whole_turns, take_off, with_turns, nearest_turns, told_turns, least_angle, has_vague_turn
 
     !> A turn in pieces of 30 bits, more than twice the digits of any kind of real.
     integer, parameter :: piece(0:7) = [6, 304067908, 280256794, 412666961, 470212838, 575800476, 71644134, 243286391]
     integer, parameter :: width = 30
     !> Turns whose products with a piece are exact in double precision.
     real(wp), parameter :: most = 2.0_wp**22
+    !> Less than half a turn [rad].
+    real(wp), parameter :: surely_none = 3
 
 contains
 
@@ -25,17 +27,24 @@ contains
         least = angle - two_pi*nearest_turns(angle)
     end function least_angle
 
-    !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call. Half a turn is
-    !> half a turn up, whichever way rounding has it: what is left is in (-pi, pi], but for rounding.
+    !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call.
     elemental real(wp) function nearest_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
-        real(wp), parameter :: surely_none = 3    ! less than half a turn
-        real(wp), parameter :: rounding = 256*epsilon(1.0_wp)   ! of angles by way of some links, in turns
 
         turns = 0
         ! written so that no number has no turns
-        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi - rounding)
+        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi)
     end function nearest_turns
+
+    !> The same of an angle that is told: half a turn is half a turn up, whichever way rounding has it. What is left is in
+    !> (-pi, pi], but for rounding.
+    elemental real(wp) function told_turns(angle) result(turns)
+        real(wp), intent(in) :: angle      !! [rad]
+        real(wp), parameter :: rounding = 256*epsilon(1.0_wp)     ! of angles by way of some links, in turns
+
+        turns = 0
+        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi - rounding)
+    end function told_turns
 
     !> Has an angle so many turns that rounding leaves less than half of the digits of its rest?
     elemental logical function has_vague_turn(angle)

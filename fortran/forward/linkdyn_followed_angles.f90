@@ -16,7 +16,7 @@ module linkdyn_followed_angles
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_turns, only: turning_angles, list_turning
-    use linkdyn_whole_turns, only: nearest_turns
+    use linkdyn_whole_turns, only: told_turns
     implicit none (type, external)
     private
     public :: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, wraps_anywhere, follow_angles, &
@@ -146,7 +146,7 @@ contains
         real(wp), intent(in) :: spin_before, spin              !! [rad/s]
         real(wp), intent(in) :: duration                       !! [s]
 
-        angle = value - two_pi*nearest_turns(value - (before + (spin_before + spin)/2*duration))
+        angle = value - two_pi*told_turns(value - (before + (spin_before + spin)/2*duration))
     end function turned_to
 
     !> A step has led to the accepted state; nothing within it is known.
