@@ -231,7 +231,7 @@ contains
                 where (code == code_feasible .and. design%of_motion%status(:n) /= sample_ok) code = design%of_motion%status(:n)
             end if
             if (design%excludes_early .or. .not. design%needs_forces) call judge(spec, row, .false., n, design)
-            counts = takes_part(spec, code)
+            call find_who_counts(spec, code, counts)
             if (.not. design%needs_forces) return
             m = n
             if (design%excludes_early) then
@@ -244,17 +244,28 @@ contains
                 call compute(design%model, design%forces, n, design%batch, design%of_forces)
                 if (design%needs_motion) call take_motion(row, n, design%of_forces, design%value)
             end if
-            do s = 1, m
-                associate (outcome => design%of_forces%status(s), here => code(design%which(s)))
-                    if (outcome /= sample_ok .and. (here == code_feasible .or. here >= first_bound)) here = outcome
-                end associate
-            end do
+            call note_failures(design%of_forces%status(:m), design%which(:m), code)
             call take_forces(row, m, design)
             if (.not. design%excludes_early) call judge(spec, row, .false., n, design)
             call judge(spec, row, .true., n, design)
-            counts = takes_part(spec, code)
+            call find_who_counts(spec, code, counts)
         end associate
     end subroutine evaluate_batch
+
+    !> Samples whose forces could not be found. Mostly there are none.
+    pure subroutine note_failures(status, which, code)
+        integer, intent(in) :: status(:)                !! of the samples chosen
+        integer, intent(in) :: which(:)
+        integer, intent(inout) :: code(:)               !! of all samples
+        integer :: s
+
+        if (all(status == sample_ok)) return
+        do s = 1, size(status)
+            associate (outcome => status(s), here => code(which(s)))
+                if (outcome /= sample_ok .and. (here == code_feasible .or. here >= first_bound)) here = outcome
+            end associate
+        end do
+    end subroutine note_failures
 
     !> Those samples whose forces are wanted.
     subroutine choose(which, batch, chosen)
@@ -424,6 +435,11 @@ contains
 
         from = merge(row%n_early + 1, 1, is_late)
         to = merge(row%n, row%n_early, is_late)
+        if (has_no_bound(spec, is_late)) then
+            ! mostly all is well, and numbers of all samples are looked at in one go
+            if (from > to) return
+            if (all_are_finite(size(design%value(:, :n), kind=int64), design%value)) return
+        end if
         do s = 1, n
             associate (code => design%code(s), value => design%value(:, s))
                 if (.not. takes_part(spec, code)) cycle
@@ -438,6 +454,18 @@ contains
             end associate
         end do
     end subroutine judge
+
+    !> Is nothing bounded that needs forces, or that needs none?
+    pure logical function has_no_bound(spec, is_late)
+        type(sweep_spec), intent(in) :: spec
+        logical, intent(in) :: is_late
+        integer :: b
+
+        has_no_bound = .true.
+        do b = 1, size(spec%bound)
+            has_no_bound = has_no_bound .and. (needs_forces(spec%bound(b)%quantity) .neqv. is_late)
+        end do
+    end function has_no_bound
 
     !> Are all entries of a bound within it?
     pure logical function keeps(bound, quantity, value)
@@ -458,6 +486,15 @@ contains
         is_limit = .false.
         if (code >= first_bound) is_limit = spec%bound(code - first_bound + 1)%is_limit
     end function is_limit_code
+
+    pure subroutine find_who_counts(spec, code, counts)
+        type(sweep_spec), intent(in) :: spec
+        integer, intent(in) :: code(:)                  !! (sample)
+        logical, intent(out) :: counts(:)               !! it takes part in the reductions
+
+        counts = code == code_feasible
+        if (any(spec%bound%is_limit)) counts = takes_part(spec, code)
+    end subroutine find_who_counts
 
     !> Does a sample of this outcome take part in the reductions?
     pure elemental logical function takes_part(spec, code)

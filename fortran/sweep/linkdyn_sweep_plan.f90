@@ -14,6 +14,7 @@ module linkdyn_sweep_plan
 
     integer(int64), parameter :: too_many = 2_int64**52    !! samples: beyond, numbers are no longer exact as reals
     integer(int64), parameter :: longest_table = 65536     !! values of an axis kept instead of computed again
+    integer(int64), parameter :: long_run = 8              !! samples at one place that are filled at once, a vector or more
 
     !> Axes that advance together.
     type :: group_type
@@ -133,17 +134,19 @@ contains
         type(sweep_plan), intent(in) :: plan
         integer(int64), intent(in) :: first                !! sample, from 0
         integer, intent(in) :: n                           !! samples
-        integer(int64), intent(out) :: place(:, :)         !! from 0 (sample, group)
-        real(wp), intent(out) :: value(:, :)               !! (sample, axis)
+        integer(int64), contiguous, intent(inout) :: place(:, :)   !! from 0 (sample, group)
+        real(wp), contiguous, intent(inout) :: value(:, :)         !! (sample, axis)
         integer(int64) :: run
         integer :: g, i, s
 
         run = 1                                            ! samples at one place of the group
         do g = size(plan%group), 1, -1
-            call walk_along(plan%group(g)%n, run, first, place(:n, g))
+            call walk_along(plan%group(g)%n, run, first, n, place(:, g))
             do i = 1, size(plan%group(g)%axis)
                 associate (axis => plan%axis(plan%group(g)%axis(i)), column => value(:, plan%group(g)%axis(i)))
-                    if (allocated(axis%table)) then
+                    if (allocated(axis%table) .and. run >= long_run) then
+                        call stay_along(axis%table, run, first, n, place(:, g), column)
+                    else if (allocated(axis%table)) then
                         column(:n) = axis%table(place(:n, g) + 1)
                     else
                         do s = 1, n
@@ -157,16 +160,28 @@ contains
     end subroutine axis_columns
 
     !> Places of samples along a group of n values that stays at each for a run of samples.
-    pure subroutine walk_along(n, run, first, place)
+    pure subroutine walk_along(n, run, first, n_sample, place)
         integer(int64), intent(in) :: n, run
         integer(int64), intent(in) :: first                !! sample, from 0
-        integer(int64), intent(out) :: place(:)            !! from 0 (sample)
+        integer, intent(in) :: n_sample
+        integer(int64), intent(inout) :: place(*)          !! from 0 (sample)
         integer(int64) :: here, left
-        integer :: s
+        integer :: s, last
 
         here = modulo(first/run, n)
         left = run - modulo(first, run)                    ! samples until the next place
-        do s = 1, size(place)
+        if (run >= long_run) then
+            last = 0
+            do while (last < n_sample)
+                s = last + 1
+                last = int(min(int(n_sample, int64), last + left))
+                place(s:last) = here
+                left = run
+                here = merge(0_int64, here + 1, here + 1 == n)
+            end do
+            return
+        end if
+        do s = 1, n_sample
             place(s) = here
             left = left - 1
             if (left > 0) cycle
@@ -174,6 +189,26 @@ contains
             here = merge(0_int64, here + 1, here + 1 == n)
         end do
     end subroutine walk_along
+
+    !> Values of an axis that stays at each place for a long run of samples.
+    pure subroutine stay_along(table, run, first, n_sample, place, column)
+        real(wp), intent(in) :: table(0:)
+        integer(int64), intent(in) :: run, first
+        integer, intent(in) :: n_sample
+        integer(int64), intent(in) :: place(*)             !! from 0 (sample)
+        real(wp), intent(inout) :: column(*)               !! (sample)
+        integer(int64) :: left
+        integer :: s, last
+
+        left = run - modulo(first, run)
+        last = 0
+        do while (last < n_sample)
+            s = last + 1
+            last = int(min(int(n_sample, int64), last + left))
+            column(s:last) = table(place(s))
+            left = run
+        end do
+    end subroutine stay_along
 
     !> Values of all axes at a sample.
     pure function axis_values(plan, sample) result(value)

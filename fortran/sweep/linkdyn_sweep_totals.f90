@@ -103,15 +103,16 @@ contains
             end if
             s = s + n_here
         end do
-        do s = 1, n
-            totals%n_code(code(s)) = totals%n_code(code(s)) + 1
-            if (.not. counts(s)) cycle
-            totals%n_reduced = totals%n_reduced + 1
-            do i = 1, size(shape%power)
-                totals%gain(i) = totals%gain(i) + max(value(shape%power(i), s), 0.0_wp)
+        call count_outcomes(code, counts, totals%n_code, totals%n_reduced)
+        do i = 1, size(shape%power)
+            do s = 1, n
+                if (counts(s)) totals%gain(i) = totals%gain(i) + max(value(shape%power(i), s), 0.0_wp)
             end do
-            do i = 1, size(shape%histogram_of)
-                call add_to_bins(shape%n_bin, bins%from(i), bins%to(i), value(shape%histogram_of(i), s), totals%histogram(:, i))
+        end do
+        do i = 1, size(shape%histogram_of)
+            do s = 1, n
+                if (counts(s)) &
+                    call add_to_bins(shape%n_bin, bins%from(i), bins%to(i), value(shape%histogram_of(i), s), totals%histogram(:, i))
             end do
         end do
         totals%low_at = merge(first + int(low_at, int64), -1_int64, low_at >= 0)
@@ -119,6 +120,24 @@ contains
         if (shape%determinant > 0 .and. n_line > 0) &
             call watch_sign(value(shape%determinant, :n), counts(:n), first, n_line, totals)
     end subroutine reduce_samples
+
+    !> How many samples have come out how, and how many are reduced: mostly all.
+    pure subroutine count_outcomes(code, counts, n_code, n_reduced)
+        integer, intent(in) :: code(:)
+        logical, intent(in) :: counts(:)
+        integer(int64), intent(inout) :: n_code(0:)        !! by outcome
+        integer(int64), intent(inout) :: n_reduced
+        integer :: s
+
+        n_reduced = n_reduced + count(counts)
+        if (all(code == code_feasible)) then
+            n_code(code_feasible) = n_code(code_feasible) + size(code)
+            return
+        end if
+        do s = 1, size(code)
+            n_code(code(s)) = n_code(code(s)) + 1
+        end do
+    end subroutine count_outcomes
 
     pure subroutine add_to_bins(n_bin, from, to, value, histogram)
         integer, intent(in) :: n_bin

@@ -13,12 +13,17 @@ contains
     pure subroutine copy_rows(m, n, from, which, n_entry, first, value)
         integer, intent(in) :: m, n                          !! numbers of a row; samples
         real(wp), intent(in) :: from(m, n)
-        integer, intent(in) :: which(n)                      !! the samples
+        integer, intent(in) :: which(n)                      !! the samples, in order
         integer, intent(in) :: n_entry
         integer, intent(in) :: first                         !! entries before
         real(wp), intent(inout) :: value(n_entry, *)         !! (entry, sample)
         integer :: s, k
 
+        if (n == 0) return
+        if (m == n_entry .and. which(n) == n) then           ! whole rows of all samples, which are in order
+            value(:, :n) = from
+            return
+        end if
         do s = 1, n
             do k = 1, m
                 value(first + k, which(s)) = from(k, s)
