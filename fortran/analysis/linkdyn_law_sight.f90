@@ -14,7 +14,8 @@ module linkdyn_law_sight
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws, law_argument
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_scene, only: law_book, law_spec, state_law, law_table, measure_time, measure_joint, measure_attitude, measure_tilt
+    use linkdyn_scene, only: law_book, law_spec, state_law, law_table, measure_time, measure_joint, measure_attitude, &
+        measure_tilt, measure_twist
     implicit none (type, external)
     private
     public :: law_sight, plan_law_sight, find_part_in_sight, find_part_of_splines, has_to_look, well_within
@@ -83,7 +84,7 @@ contains
                                                                   .or. (spec%kind == measure_joint .and. spec%is_rate))
                 if (.not. by_formula .or. spec%is_rate) return
                 sight%is_instant(measure) = spec%kind == measure_time
-                if (any(spec%kind == [measure_joint, measure_attitude, measure_tilt]) .and. spec%length_power == 0) &
+                if (any(spec%kind == [measure_joint, measure_attitude, measure_tilt, measure_twist]) .and. spec%length_power == 0) &
                     sight%piece(measure) = two_pi/pieces_a_turn
             end associate
         end subroutine note

@@ -1,4 +1,4 @@
-!> Places that measures tell, and their rates: joint variables, coordinates of markers, distances, tilts, attitudes.
+!> Places that measures tell, and their rates: joint variables, coordinates of markers, distances, tilts, twists, attitudes.
 module linkdyn_place_variables
     use linkdyn_attitude, only: angles_of_rotation, rates_of_angles
     use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity
@@ -7,14 +7,14 @@ module linkdyn_place_variables
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
-        marker_at, marker_axis_at
+        measure_twist, marker_at, marker_axis_at, marker_axes_at
     use linkdyn_kinds, only: wp
     use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, reciprocal
-    use linkdyn_vector, only: vector, rotation, vector_of, operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.), operator(.unrotate.)
+    use linkdyn_vector, only: vector, rotation, vector_of, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: place_value, place_rate, place_point, place_gap, relative_attitude, tilt_direction
+    public :: place_value, place_rate, place_point, place_gap, relative_attitude, tilt_direction, twist_direction
 
 contains
 
@@ -25,6 +25,7 @@ contains
         type(value) :: number
         type(value) :: angle(3)
         type(vector) :: gap, axis(2), normal
+        type(rotation) :: axes(2)
 
         select case (spec%kind)
         case (measure_joint)
@@ -38,11 +39,23 @@ contains
             axis = axes_of(mechanism, spec)
             normal = axis(1) .cross.axis(2)
             number = atan2(sqrt(normal.dot.normal), axis(1) .dot.axis(2))
+        case (measure_twist)
+            axes = marker_axes(mechanism, spec)
+            number = near(atan2((axes(2)%x .dot.axes(1)%y) - (axes(2)%y .dot.axes(1)%x), &
+                                (axes(2)%x .dot.axes(1)%x) + (axes(2)%y .dot.axes(1)%y)))
         case default
             angle = angles_of_rotation(relative_attitude(mechanism, spec))
-            number = angle(spec%component)
-            number = number + (2*pi)*nearest_whole((1/(2*pi))*(constant(spec%near) - number))
+            number = near(angle(spec%component))
         end select
+
+    contains
+
+        function near(angle)
+            type(value), intent(in) :: angle
+            type(value) :: near
+
+            near = angle + (2*pi)*nearest_whole((1/(2*pi))*(constant(spec%near) - angle))
+        end function near
     end function place_value
 
     !> How fast it changes [m/s, rad/s].
@@ -62,6 +75,9 @@ contains
             if (spec%kind == measure_tilt) then
                 rate = tilt_direction(mechanism, spec) .dot.omega
                 return
+            else if (spec%kind == measure_twist) then
+                rate = twist_direction(mechanism, spec) .dot.omega
+                return
             end if
             gap = place_gap(mechanism, spec)
             velocity = point_velocity(bodies, link(2), place_point(mechanism, spec, 2)) &
@@ -79,7 +95,7 @@ contains
         end associate
     end function place_rate
 
-    !> The axes of a tilt, world axes.
+    !> The axes of a tilt or a twist, world axes.
     function axes_of(mechanism, spec) result(axis)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -105,6 +121,34 @@ contains
         direction = axis(1) .cross.axis(2)
         direction = reciprocal(max(sqrt(direction.dot.direction), constant(sqrt(tiny(1.0_wp)))))*direction
     end function tilt_direction
+
+    !> The axes x, y and z of the markers of a twist.
+    function marker_axes(mechanism, spec) result(axes)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(rotation) :: axes(2)
+        real(wp) :: own(3, 3)                          ! link axes
+        integer :: side
+
+        do side = 1, 2
+            own = marker_axes_at(mechanism%model%scene, spec%link(side), spec%marker(side))
+            associate (r => scene_rotation(mechanism, spec%link(side)))
+                axes(side) = rotation(r.rotate.vector_of(own(:, 1)), r.rotate.vector_of(own(:, 2)), r.rotate.vector_of(own(:, 3)))
+            end associate
+        end do
+    end function marker_axes
+
+    !> Along which an angular velocity twists: halfway between the axes, the longer the more they are tilted. None where they are
+    !> opposite.
+    function twist_direction(mechanism, spec) result(direction)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: direction
+        type(vector) :: axis(2)
+
+        axis = axes_of(mechanism, spec)
+        direction = reciprocal(constant(1.0_wp) + (axis(1) .dot.axis(2)))*(axis(1) + axis(2))
+    end function twist_direction
 
     !> One of the two points of a measure, in its link's own axes: the origin of the link that sees, or a marker.
     function place_point(mechanism, spec, side) result(point)

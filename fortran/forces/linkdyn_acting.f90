@@ -6,8 +6,9 @@ module linkdyn_acting
     use linkdyn_bodies, only: bodies_type, point_position
     use linkdyn_joint_kind, only: axis_of
     use linkdyn_mechanism, only: mechanism_type, told_marker_frame, scene_rotation
-    use linkdyn_place_variables, only: place_point, place_gap, relative_attitude, tilt_direction
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt
+    use linkdyn_place_variables, only: place_point, place_gap, relative_attitude, tilt_direction, twist_direction
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
+        measure_twist
     use linkdyn_value, only: value, zero, operator(+), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(-), operator(*), operator(.dot.), &
         operator(.rotate.), operator(.unrotate.)
@@ -109,6 +110,9 @@ contains
             acting = between_links(mechanism, spec, (effort*reciprocal(sqrt(gap.dot.gap)))*gap, zero_vector())
         case (measure_tilt)
             push = effort*tilt_direction(mechanism, spec)
+            acting = between_links(mechanism, spec, zero_vector(), push)
+        case (measure_twist)
+            push = effort*twist_direction(mechanism, spec)
             acting = between_links(mechanism, spec, zero_vector(), push)
         case default
             push = effort*attitude_gradient(mechanism, spec)

@@ -1,5 +1,5 @@
-!> Places that measures tell, in motion: joint variables, coordinates of markers, distances, tilts, attitudes. Where they are, how
-!> fast they change, and how that changes with the coordinates.
+!> Places that measures tell, in motion: joint variables, coordinates of markers, distances, tilts, twists, attitudes. Where they
+!> are, how fast they change, and how that changes with the coordinates.
 !>
 !> Velocities and columns of accelerations obey the same linear maps; what is given has centripetal and Coriolis parts besides (levels
 !> as in `linkdyn_planar_motion`). Needs positions and velocities, angular rates in world axes.
@@ -15,7 +15,8 @@ module linkdyn_place_motion
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
-    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, marker_axis_at
+    use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, measure_twist, &
+        marker_axes_at
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
     implicit none (type, external)
@@ -31,7 +32,7 @@ contains
         type(measure_spec), intent(in) :: spec         !! one of a place
         real(wp) :: value(lanes)
         real(wp), dimension(lanes, 3) :: angle, rate
-        type(vec3) :: gap, axis(2), normal
+        type(vec3) :: gap, axis(2), normal, x(2), y(2)
 
         select case (spec%kind)
         case (measure_joint)
@@ -43,14 +44,25 @@ contains
             gap = gap_of(model, state, spec)
             value = sqrt(gap.dot.gap)
         case (measure_tilt)
-            axis = axes_of(model, state, spec)
+            axis = directions_of(model, state, spec, 3)
             normal = axis(1) .cross.axis(2)
             value = atan2(sqrt(normal.dot.normal), axis(1) .dot.axis(2))
+        case (measure_twist)
+            x = directions_of(model, state, spec, 1)
+            y = directions_of(model, state, spec, 2)
+            value = near(atan2((x(2) .dot.y(1)) - (y(2) .dot.x(1)), (x(2) .dot.x(1)) + (y(2) .dot.y(1))))
         case default
             call measure_attitude(model, state, spec, angle, rate)
-            value = angle(:, spec%component)
-            value = value + two_pi*anint((spec%near - value)/two_pi)
+            value = near(angle(:, spec%component))
         end select
+
+    contains
+
+        elemental real(wp) function near(angle)
+            real(wp), intent(in) :: angle
+
+            near = angle + two_pi*anint((spec%near - angle)/two_pi)
+        end function near
     end function place_value
 
     !> How fast it changes; at level k for a unit rate of coordinate k; at the level of what is given its acceleration [m/s, ..].
@@ -71,6 +83,8 @@ contains
             rate = distance_rate(model, state, spec, level)
         case (measure_tilt)
             rate = tilt_rate(model, state, spec, level)
+        case (measure_twist)
+            rate = twist_rate(model, state, spec, level)
         case default
             of_angles = attitude_rate(model, state, spec, level)
             rate = of_angles(:, spec%component)
@@ -154,20 +168,21 @@ contains
         end function apart
     end function distance_rate
 
-    !> The axes of a tilt, world axes.
-    function axes_of(model, state, spec) result(axis)
+    !> Axis x, y or z of both markers of a tilt or a twist, world axes.
+    function directions_of(model, state, spec, component) result(axis)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: component
         type(vec3) :: axis(2)
+        real(wp) :: own(3, 3)                          ! link axes
         integer :: side
 
         do side = 1, 2
-            associate (link => spec%link(side))
-                axis(side) = link_axes(model, state, link) .rotate.marker_axis_at(model%scene, link, spec%marker(side))
-            end associate
+            own = marker_axes_at(model%scene, spec%link(side), spec%marker(side))
+            axis(side) = link_axes(model, state, spec%link(side)) .rotate.own(:, component)
         end do
-    end function axes_of
+    end function directions_of
 
     !> Rate of a tilt. Where the axes are parallel it is zero: no direction is better than another.
     function tilt_rate(model, state, spec, level) result(rate)
@@ -179,29 +194,56 @@ contains
         real(wp), dimension(lanes) :: sine, steepness
         type(vec3) :: axis(2), normal, turning(2), change
 
-        axis = axes_of(model, state, spec)
+        axis = directions_of(model, state, spec, 3)
         normal = axis(1) .cross.axis(2)
         sine = sqrt(normal.dot.normal)
         steepness = merge(1/max(sine, tiny(1.0_wp)), 0.0_wp, sine > 0)
         normal = steepness*normal
-        rate = normal.dot.apart(level)
+        rate = normal.dot.turning_apart(model, state, spec, level)
         if (level /= level_given) return
         ! the direction about which the one tilts from the other is carried round by both
         turning = [link_turning(model, state, spec%link(1), level_velocity), &
                    link_turning(model, state, spec%link(2), level_velocity)]
         change = steepness*(((turning(1) .cross.axis(1)) .cross.axis(2)) + (axis(1) .cross.(turning(2) .cross.axis(2))))
         change = change - (normal.dot.change)*normal
-        rate = rate + (change.dot.apart(level_velocity))
-
-    contains
-
-        function apart(at_level) result(difference)
-            integer, intent(in) :: at_level
-            type(vec3) :: difference
-
-            difference = link_turning(model, state, spec%link(2), at_level) - link_turning(model, state, spec%link(1), at_level)
-        end function apart
+        rate = rate + (change.dot.turning_apart(model, state, spec, level_velocity))
     end function tilt_rate
+
+    !> Rate of a twist: the angular velocity halfway between the axes. Not finite where these are opposite.
+    function twist_rate(model, state, spec, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: level
+        real(wp) :: rate(lanes)
+        real(wp) :: share(lanes), growth(lanes)
+        type(vec3) :: axis(2), way(2), direction
+        integer :: side
+
+        axis = directions_of(model, state, spec, 3)
+        share = 1/(1 + (axis(1) .dot.axis(2)))
+        direction = share*(axis(1) + axis(2))
+        rate = direction.dot.turning_apart(model, state, spec, level)
+        if (level /= level_given) return
+        ! both axes are carried round
+        do side = 1, 2
+            way(side) = link_turning(model, state, spec%link(side), level_velocity) .cross.axis(side)
+        end do
+        growth = (way(1) .dot.axis(2)) + (axis(1) .dot.way(2))
+        rate = rate + ((share*(way(1) + way(2)) - (share*growth)*direction) &
+                       .dot.turning_apart(model, state, spec, level_velocity))
+    end function twist_rate
+
+    !> The turning of the second link less that of the first.
+    function turning_apart(model, state, spec, level) result(difference)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: level
+        type(vec3) :: difference
+
+        difference = link_turning(model, state, spec%link(2), level) - link_turning(model, state, spec%link(1), level)
+    end function turning_apart
 
     !> Roll, pitch and yaw of the second link as the first one sees it, in (-pi, pi], and their rates.
     subroutine measure_attitude(model, state, spec, angle, rate)

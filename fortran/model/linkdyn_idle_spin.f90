@@ -18,7 +18,8 @@ module linkdyn_idle_spin
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, &
-        measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, marker_axis_at
+        measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, measure_twist, &
+        marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -194,7 +195,7 @@ contains
         do i = 1, n_stop(model%scene)
             associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
                 if (measure%kind == measure_joint) is_idle = is_idle .and. .not. leads(measure%joint, measure%variable)
-                if (measure%kind == measure_attitude) is_idle = is_idle .and. .not. feels(measure%link)
+                if (any(measure%kind == [measure_attitude, measure_twist])) is_idle = is_idle .and. .not. feels(measure%link)
                 if (measure%kind == measure_tilt) is_idle = is_idle .and. .not. (feels(measure%link) .and. leans(measure))
             end associate
         end do

@@ -7,6 +7,7 @@ module linkdyn_scene
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, joint_kind_name, joint_n_variable, &
         variable_name, is_pose_part, pose_position, pose_attitude
+    use linkdyn_cross, only: cross
     use linkdyn_curve, only: curve_type
     use linkdyn_formula, only: formula_type, node_symbol
     use linkdyn_kinds, only: wp
@@ -27,10 +28,10 @@ module linkdyn_scene
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table, law_over
-    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at
+    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
-        measure_tilt, &
+        measure_tilt, measure_twist, &
         is_place
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
@@ -78,6 +79,7 @@ module linkdyn_scene
     integer, parameter :: measure_distance = 6     !! of two markers
     integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
     integer, parameter :: measure_tilt = 8         !! angle between the axes of two markers, 0 to pi
+    integer, parameter :: measure_twist = 9        !! of one marker against another about their axes, once the tilt is taken back
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
@@ -669,8 +671,8 @@ contains
     pure elemental logical function is_place(measure)
         type(measure_spec), intent(in) :: measure
 
-        is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt]) .and. &
-                   .not. measure%is_rate
+        is_place = any(measure%kind == [measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, &
+                                        measure_twist]) .and. .not. measure%is_rate
     end function is_place
 
     !> Where a marker of a link or of the frame is, link axes [m].
@@ -685,6 +687,21 @@ contains
             point = scene%link(link)%marker(marker)%at
         end if
     end function marker_at
+
+    !> Its axes x, y and z, likewise, in columns.
+    pure function marker_axes_at(scene, link, marker) result(axes)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link, marker
+        real(wp) :: axes(3, 3)
+
+        axes(:, 3) = marker_axis_at(scene, link, marker)
+        if (link == frame_link) then
+            axes(:, 1) = scene%frame%marker(marker)%x_axis
+        else
+            axes(:, 1) = scene%link(link)%marker(marker)%x_axis
+        end if
+        axes(:, 2) = cross(axes(:, 3), axes(:, 1))
+    end function marker_axes_at
 
     !> Its axis, likewise: a unit vector.
     pure function marker_axis_at(scene, link, marker) result(axis)

@@ -9,7 +9,7 @@ module linkdyn_measure_program
     use linkdyn_place_variables, only: place_value, place_rate
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, measure_distance, measure_attitude, &
-        measure_tilt, side_joint, side_opening
+        measure_tilt, measure_twist, side_joint, side_opening
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_springs, only: measure_spring_stretch
     use linkdyn_trace, only: traced_type, trace_motion
@@ -68,7 +68,7 @@ contains
 
         number = zero()
         select case (spec%kind)
-        case (measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt)
+        case (measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, measure_twist)
             if (spec%is_rate) then
                 number = place_rate(mechanism, spec)
             else

@@ -9,7 +9,8 @@ module linkdyn_scene_state_laws
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, measure_time, &
-        measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, measure_tilt, law_over
+        measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, measure_tilt, &
+        measure_twist, law_over
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of
@@ -63,8 +64,8 @@ contains
         end do
     end subroutine read_measures
 
-    !> One measure: { joint = .. }, { coordinate = .. }, { marker = .., component = .. }, { between = [.., ..] } or
-    !> { axes = [.., ..] }, each with rate = true for how fast it changes.
+    !> One measure: { joint = .. }, { coordinate = .. }, { marker = .., component = .. }, { between = [.., ..] },
+    !> { axes = [.., ..] } or { twist = [.., ..] }, each with rate = true for how fast it changes.
     subroutine read_measure(root, node, line, scene, measure, shelf, status)
         type(scene_place), intent(in) :: root
         type(toml_node), intent(in) :: node
@@ -74,29 +75,31 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        type(toml_node) :: joint, coordinate, marker, between, axes, unwanted
+        type(toml_node) :: joint, coordinate, marker, between, axes, twist, unwanted
         type(quantity_type) :: quantity
         logical :: found
 
         place = place_at(root, node, "measure "//quoted(measure%name))
         place%line = line
         call require_table(place, "a table, { joint = .. }, { coordinate = .. }, { marker = .., component = .. }, "// &
-            "{ between = [.., ..] } or { axes = [.., ..] }", status)
+            "{ between = [.., ..] }, { axes = [.., ..] } or { twist = [.., ..] }", status)
         if (.not. status%is_ok()) return
         unwanted = node%get("acceleration")
         if (unwanted%is_present()) call refuse(place, "forces that depend on accelerations would depend on themselves "// &
             "(expected a place or its rate)", status)
         call allow_keys(place, [character(len=11) :: "joint", "variable", "coordinate", "marker", "component", "relative_to", &
-            "between", "axes", "rate", "near"], status)
+            "between", "axes", "twist", "rate", "near"], status)
         if (.not. status%is_ok()) return
         joint = node%get("joint")
         coordinate = node%get("coordinate")
         marker = node%get("marker")
         between = node%get("between")
         axes = node%get("axes")
-        if (count([joint%is_present(), coordinate%is_present(), marker%is_present(), between%is_present(), axes%is_present()]) &
-            /= 1) then
-            call refuse(place, "needs one of 'joint', 'coordinate', 'marker', 'between' and 'axes' (expected exactly one)", status)
+        twist = node%get("twist")
+        if (count([joint%is_present(), coordinate%is_present(), marker%is_present(), between%is_present(), axes%is_present(), &
+                   twist%is_present()]) /= 1) then
+            call refuse(place, "needs one of 'joint', 'coordinate', 'marker', 'between', 'axes' and 'twist' "// &
+                "(expected exactly one)", status)
             return
         end if
         call get_flag(place, "rate", measure%is_rate, status)
@@ -111,6 +114,12 @@ contains
             call allow_keys(place, [character(len=4) :: "axes", "rate"], status)
             measure%kind = measure_tilt
             call read_pair(place, "axes", axes, scene, measure, status)
+        else if (twist%is_present()) then
+            call allow_keys(place, [character(len=5) :: "twist", "rate", "near"], status)
+            measure%kind = measure_twist
+            call read_pair(place, "twist", twist, scene, measure, status)
+            if (status%is_ok() .and. scene%planar) call refuse_value(place, "twist", twist, &
+                "is for spatial scenes (expected a joint's angle or a coordinate)", status)
         else if (joint%is_present()) then
             call allow_keys(place, [character(len=8) :: "joint", "variable", "rate", "near"], status)
             call find_joint(scene, place, measure%joint, status)
@@ -172,7 +181,7 @@ contains
         type(quantity_type) :: quantity
 
         quantity = length
-        if (any(measure%kind == [measure_attitude, measure_tilt])) quantity = angle
+        if (any(measure%kind == [measure_attitude, measure_tilt, measure_twist])) quantity = angle
         if (measure%kind == measure_joint) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
     end function measure_quantity
 
@@ -183,7 +192,7 @@ contains
 
         counts_no_turns = .false.
         if (measure%is_rate) return
-        counts_no_turns = measure%kind == measure_attitude
+        counts_no_turns = any(measure%kind == [measure_attitude, measure_twist])
         if (measure%kind == measure_joint) counts_no_turns = &
             wraps(scene%joint(measure%joint)%kind, measure%variable) .and. .not. is_coordinate(scene, measure)
     end function counts_no_turns
@@ -229,7 +238,7 @@ contains
     !> The two markers that a measure is between.
     subroutine read_pair(place, key, node, scene, measure, status)
         type(scene_place), intent(in) :: place
-        character(len=*), intent(in) :: key            !! "between": how far they are from each other; "axes": how theirs stand
+        character(len=*), intent(in) :: key            !! "between": how far they are apart; "axes", "twist": how theirs stand
         type(toml_node), intent(in) :: node
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(inout) :: measure

@@ -858,7 +858,7 @@ class Builder:
     def measure(
         self, name: str, *, joint: str | Joint | None = None, variable: str | None = None, coordinate: str | None = None, marker: str | None = None,
         component: Literal["x", "y", "z"] | None = None, relative_to: str | Link | None = None, between: Sequence[str] | None = None,
-        axes: Sequence[str] | None = None, rate: bool | None = None, near: Quantity | None = None,
+        axes: Sequence[str] | None = None, twist: Sequence[str] | None = None, rate: bool | None = None, near: Quantity | None = None,
     ) -> str:  # fmt: skip
         """A number that forces may depend on; its name, for formulas.
 
@@ -875,7 +875,9 @@ class Builder:
         between
             or the distance of these two markers [m],
         axes
-            or the angle between the axes of these two [rad].
+            or the angle between the axes of these two [rad],
+        twist
+            or how far the second of these two is turned about its axis, once that is back along the first's [rad].
         rate
             True: how fast that changes.
         near

@@ -9,6 +9,7 @@ import linkdyn
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 pytestmark = pytest.mark.accuracy
 
@@ -204,4 +205,105 @@ def test_a_rod_in_its_socket_may_spin() -> None:
     assert np.arcsin(np.abs(run.q.values / 0.5)).max() <= 0.3 + 1e-9
     data["measures"]["tilt"]["axes"][1] = "rod.side"
     with pytest.raises(linkdyn.SceneError, match="mobility"):
+        linkdyn.Scene(data)
+
+
+def torsion(r: np.ndarray) -> np.ndarray:
+    """Of a rotation (..., 3, 3) about its z once what tilts z is taken back by the least turn, by quaternions: twice the angle of (w, z)."""
+    quaternion = Rotation.from_matrix(r.reshape(-1, 3, 3)).as_quat()
+    twist = 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])
+    return np.angle(np.exp(1j * twist)).reshape(r.shape[:-2])
+
+
+SOCKET = Rotation.from_euler("XYZ", [0.4, -0.3, 1.1]).as_matrix()
+STEM = Rotation.from_euler("XYZ", [-0.2, 0.5, 0.7]).as_matrix()
+
+
+def twisted(**parts: Any) -> dict[str, Any]:
+    """The same with a key in the socket that feels how the top is twisted in it."""
+    data = hung({}, **parts)
+    data["frame"]["markers"]["key"] = {"at": [0, 0, 0], "axis": SOCKET[:, 2].tolist(), "x": SOCKET[:, 0].tolist()}
+    data["link"][0]["markers"]["key"] = {"at": [0, 0, 0], "axis": STEM[:, 2].tolist(), "x": STEM[:, 0].tolist()}
+    data["measures"] = {"twist": {"twist": ["frame.key", "top.key"]}, "fast": {"twist": ["frame.key", "top.key"], "rate": True}}
+    return data
+
+
+def test_twist_and_its_rate() -> None:
+    """As loads that are made of them, by quaternions and their differences."""
+    data = twisted(load=[{"on": "top.B", "force": ["1 N/rad*twist", "1 N*s/rad*fast", 0]}], coordinate=[{"link": "top"}], joint=[])
+    rng = np.random.default_rng(4)
+    q, qd = rng.uniform(-1, 1, (60, 6)), rng.uniform(-1, 1, (60, 6))
+    q[:, 5] *= 3
+    told = linkdyn.Scene(data).load_values(q=q, qd=qd)
+    told = np.asarray(told[0] if isinstance(told, tuple) else told).reshape(60, -1)
+
+    def twist(s: float) -> np.ndarray:
+        return torsion(SOCKET.T @ Rotation.from_euler("XYZ", (q + s * qd)[:, 3:]).as_matrix() @ STEM)
+
+    h = 1e-3                                               # differences of the sixth order: 1e-3^6 and 1e-16/1e-3
+    change = [np.angle(np.exp(1j * (twist(k * h) - twist(-k * h)))) / (2 * k * h) for k in (1, 2, 3)]
+    np.testing.assert_allclose(told[:, 0], twist(0), atol=1e-14)
+    np.testing.assert_allclose(told[:, 1], 1.5 * change[0] - 0.6 * change[1] + 0.1 * change[2], atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["hard", "soft"])
+def test_a_key_keeps_a_ball_from_twisting(kind: str) -> None:
+    """A stop of the twist: it stays within, momentum about what is square to the push stays in an impact, energy falls by what is told, or is stored."""
+    words = {"restitution": 0.4} if kind == "hard" else {"stiffness": 400.0}
+    start = {"roll": {"position": 0.3, "velocity": 1.0}, "pitch": {"position": 0.1, "velocity": -2.0}, "yaw": {"position": 0.0, "velocity": 4.0}}
+    data = twisted(stop=[{"name": "key", "measure": "twist", "min": "-40 deg", "max": "70 deg", **words}])
+    data["coordinate"] = hung(start)["coordinate"]
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 2, 401), rtol=1e-11, atol=1e-12, method="gbs")
+    assert (run.status == 0).all() and run.attrs["stopped"] == ""
+    twist = torsion(SOCKET.T @ attitude(run)[0] @ STEM)
+    events = run.event_time.values
+    energy = (run.kinetic_energy + run.potential_energy).values
+    if kind == "hard":
+        assert len(events) > 1
+        assert -np.deg2rad(40) - 1e-9 <= twist.min() and twist.max() <= np.deg2rad(70) + 1e-9
+        lost = np.array([run.event_loss.values[events <= t].sum() for t in run.time.values])
+        np.testing.assert_allclose(energy[0] - energy, lost, atol=1e-8)
+    else:
+        beyond = np.maximum(twist - np.deg2rad(70), 0) + np.minimum(twist + np.deg2rad(40), 0)
+        assert np.abs(beyond).max() > 1e-3
+        np.testing.assert_allclose(energy + 200 * beyond**2, energy[0] + 200 * beyond[0] ** 2, atol=1e-7)
+
+
+def test_an_impact_of_the_key_pushes_along_the_rate() -> None:
+    """The jump of the angular momentum is the told impulse along the gradient of the twist, which differences tell."""
+    start = {"roll": {"position": 0.3, "velocity": 1.0}, "pitch": {"position": 0.1, "velocity": -2.0}, "yaw": {"position": 0.0, "velocity": 4.0}}
+    data = twisted(stop=[{"name": "key", "measure": "twist", "max": "70 deg", "restitution": 0.4}], gravity=[0, 0, 0])
+    data["coordinate"] = hung(start)["coordinate"]
+    scene = linkdyn.Scene(data)
+    t = scene.forward(t=np.linspace(0, 2, 401), rtol=1e-11, atol=1e-12, method="gbs").event_time.values[0]
+    run = scene.forward(t=np.array([0.0, t - 1e-7, t + 1e-7]), rtol=1e-11, atol=1e-12, method="gbs")
+    jump = momentum(run)[2] - momentum(run)[1]
+    r = attitude(run)[0][1]
+    gradient = np.array([torsion(SOCKET.T @ Rotation.from_rotvec(1e-5 * axis).as_matrix() @ r @ STEM) - torsion(SOCKET.T @ Rotation.from_rotvec(-1e-5 * axis).as_matrix() @ r @ STEM)
+                         for axis in np.eye(3)]) / 2e-5  # fmt: skip
+    np.testing.assert_allclose(np.abs(jump), np.abs(run.event_impulse.values[0] * gradient), rtol=0, atol=1e-5 * np.abs(jump).max())
+
+
+def test_pressed_against_the_key_it_swings_untwisted() -> None:
+    """A moment presses it against its key: whichever way it swings then, the twist stays, and so does the energy."""
+    start = {"roll": {"position": 0.3, "velocity": 1.0}, "pitch": {"position": 0.1, "velocity": -2.0}, "yaw": {"position": 0.0, "velocity": 4.0}}
+    data = twisted(stop=[{"name": "key", "measure": "twist", "max": "70 deg", "restitution": 0}])
+    data["coordinate"] = hung(start)["coordinate"]
+    data["load"] = [{"on": "top.B", "axes": "link", "moment": [f"{m} N*m" for m in 5.0 * STEM[:, 2]]}]
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 3, 301), rtol=1e-11, atol=1e-12, method="gbs")
+    at_key = run.time.values > run.event_time.values[-1] + 1e-6
+    assert at_key.sum() > 200, "it rests"
+    r, omega = attitude(run)
+    twist = torsion(SOCKET.T @ r @ STEM)
+    np.testing.assert_allclose(twist[at_key], np.deg2rad(70), rtol=0, atol=1e-9)
+    assert np.ptp(run.q.values[at_key, 0]) > 0.3, "it swings"
+    assert abs(run.power_imbalance.values).max() < 1e-9
+
+
+def test_a_twist_in_the_plane_is_refused() -> None:
+    data: dict[str, Any] = {
+        "space": "planar", "frame": {"markers": {"A": [0, 0]}}, "link": [{"name": "one", "markers": {"A": [0, 0]}, "mass": 1.0, "inertia": 0.02}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "one.A"]}], "coordinate": [{"joint": "A"}], "measures": {"turned": {"twist": ["frame.A", "one.A"]}},
+    }  # fmt: skip
+    with pytest.raises(linkdyn.SceneError, match="is for spatial scenes"):
         linkdyn.Scene(data)
