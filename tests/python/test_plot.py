@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from PIL import Image
 
 import linkdyn
@@ -137,6 +138,25 @@ def test_numbers_of_narrow_axes_do_not_overlap(name):
     for one in (axis.xaxis, axis.yaxis, *([axis.zaxis] if hasattr(axis, "zaxis") else [])):
         boxes = [tick.label1.get_window_extent() for tick in one.get_major_ticks() if tick.label1.get_text() and tick.label1.get_visible()]
         assert not any(box.overlaps(other) for k, box in enumerate(boxes) for other in boxes[:k]), (name, one.axis_name)
+
+
+@pytest.mark.parametrize("name", ["crankshaft_bearings", "double_wishbone", "worm_winch"])
+def test_names_of_a_spatial_mechanism_stand_on_no_joint_and_on_no_other(name):
+    """Drawn once, and again from where the drawing was turned to: then they go with what they name."""
+    scene = linkdyn.Scene(Path(__file__).parents[2] / "examples" / name / "scene.toml")
+    figure, axis = plot.mechanism(scene)
+    figure.draw_without_rendering()
+    joints = np.array([axis.transData.transform(line.get_xydata()[0]) for line in axis.lines if len(line.get_xydata()) == 1])
+    boxes = [Text.get_window_extent(text) for text in axis.texts]     # without leaders
+    assert len(boxes) > 5 and len(joints) > 2
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k]), axis.texts[k].get_text()
+        assert not any(box.contains(*joint) for joint in joints), axis.texts[k].get_text()
+    (load,) = (text for text in axis.texts if text.get_text() == {"worm_winch": "load", "double_wishbone": "C"}.get(name, "A"))
+    before = load.xy
+    axis.view_init(elev=10.0, azim=axis.azim + 40.0)
+    figure.draw_without_rendering()
+    assert np.linalg.norm(np.subtract(load.xy, before)) > 1e-3
 
 
 def test_long_names_stand_beside_what_they_name():

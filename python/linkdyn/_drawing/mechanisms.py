@@ -65,9 +65,9 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
         figure = pyplot.figure(figsize=picture_size(postures), layout="constrained")
         ax = figure.add_subplot(projection=None if scene.planar else "3d")
     set_limits(ax, postures)
-    draw(ax, postures, 0, names)
-    if scene.title:
+    if scene.title:     # before names are put into the room that it leaves
         ax.set_title(printable(scene.title), fontsize="medium")
+    draw(ax, postures, 0, names)
     return ax.figure, ax
 
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
+from .names import Room, list_of, sampled
 from .style import COLOURS, FRAME_COLOUR
 
 if TYPE_CHECKING:
     from .._geometry.postures import Posture
 
-__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "unit_of"]
+__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "name_style", "unit_of"]
 
 Points = NDArray[np.float64]
 
@@ -311,69 +312,26 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
         gathered.setdefault(tuple(np.round(point / (0.2 * unit))), []).append(joint["name"])
     anchors: list[tuple[str, Points, str, bool]] = []
     for place, names in gathered.items():
-        anchors.append((_list_of(names), 0.2 * unit * np.array(place), "0.1", False))
+        anchors.append((list_of(names), 0.2 * unit * np.array(place), "0.1", False))
     anchors += [(name, place, "0.1", True) for name, place in told.items()]
     for k, markers in enumerate(posture.markers[1:], start=1):
         if k in hidden or not markers:
             continue
         corners = _corners(markers, jointed(posture, k))
         anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
-    taken = np.concatenate([_sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])
+    taken = np.concatenate([sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])
     for patch in ax.patches:
         if isinstance(patch, Polygon) and patch.get_gid() == SOLID:
-            outline = _sampled(patch.get_xy(), 0.3 * unit)
+            outline = sampled(patch.get_xy(), 0.3 * unit)
             centre = outline.mean(axis=0)
             taken = np.concatenate([taken, *(centre + part * (outline - centre) for part in (1.0, 0.6, 0.2))])
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    boxes: list[tuple[Points, Points]] = []
+    room = Room(taken, low, high, unit)
     for text, anchor, colour, is_link in anchors:
-        half = unit * np.array([0.36 * len(text), 0.62]) * (FONT / 8.0)
-        places = _places_around(anchor, half, unit, is_link)
-        boxed = np.array([_clearance(taken, place, half) for place in places])
-        outside = ((places - half < low) | (places + half > high)).any(axis=1)
-        covered = np.array([sum(_overlap(place, half, *box) for box in boxes) for place in places])
-        distance = np.linalg.norm(np.maximum(np.abs(places - anchor) - half, 0.0), axis=1)     # of a long name its end counts
-        score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside - 5 * covered
-        place = places[np.argmax(score)]
-        style: dict[str, Any] = {"color": colour}
-        if is_link:
-            style = {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))}
-        ax.text(place[0], place[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, **style)
-        boxes.append((place, half))
-        grid = np.linspace(-1.0, 1.0, 5)
-        taken = np.concatenate([taken, place + half * np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)])
+        centre = room.place(anchor, unit * np.array([0.36 * len(text), 0.62]) * (FONT / 8.0), is_link)
+        ax.text(centre[0], centre[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, **name_style(colour, is_link))
 
 
-def _list_of(names: list[str]) -> str:
-    return ", ".join(names) if len(names) <= 3 else f"{names[0]} ... {names[-1]}"
-
-
-def _sampled(corners: Points, step: float) -> Points:
-    """Points along a line, a step apart or less; its gaps are left out."""
-    parts = []
-    for start, end in zip(corners[:-1], corners[1:]):
-        length = np.linalg.norm(end - start)
-        if np.isfinite(length):
-            parts.append(start + np.linspace(0.0, 1.0, 2 + int(length / step))[:, np.newaxis] * (end - start))
-    return np.concatenate([*parts, corners[np.isfinite(corners).all(axis=1)]])
-
-
-def _places_around(anchor: Points, half: Points, unit: float, is_link: bool) -> Points:
-    angles = np.arange(24) * (2 * np.pi / 24)
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    rings = [0.7, 1.4, 2.4] if is_link else [0.6, 1.2, 2.0, 3.0]
-    places = [anchor + directions * (half + ring * unit) for ring in rings]
-    return np.concatenate([[anchor], *places] if is_link else places)
-
-
-def _overlap(centre: Points, half: Points, other: Points, other_half: Points) -> float:
-    """How far one box would have to go to leave another; zero if it is outside."""
-    return max(0.0, float(np.min(half + other_half - np.abs(centre - other))))
-
-
-def _clearance(points: Points, centre: Points, half: Points) -> float:
-    """Distance of the nearest point from a box; negative inside."""
-    beyond = np.abs(points - centre) - half
-    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    inside = np.minimum(beyond.max(axis=1), 0.0)
-    return float((outside + inside).min())
+def name_style(colour: str, is_link: bool) -> dict[str, Any]:
+    """Names of links are slanted, in the link's colour."""
+    return {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))} if is_link else {"color": colour}

@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Annotation, Text
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
-from .planar_shapes import around, distinct, jointed, lighter, link_colour
+from .names import Room, list_of, sampled
+from .planar_shapes import around, distinct, jointed, lighter, link_colour, name_style
 
 if TYPE_CHECKING:
     from .._geometry.postures import Posture
@@ -26,10 +28,11 @@ SYMBOL_SIZES = {".": 12.0}
 FONT = 8.0
 HALO = withStroke(linewidth=2.5, foreground=(1.0, 1.0, 1.0, 0.75))
 """Names can be read on lines."""
-PLACES = (("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top"), ("left", "bottom"), ("right", "top"),
-          ("left", "top"), ("right", "bottom"))
-"""Where a name may stand from its point, as matplotlib aligns it."""
-ALIGNED = {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0, "top": 1.0}
+FAR_RINGS = (4.5, 6.5, 9.0)
+"""Where a name is put when there is no room beside what it names, in units: a leader goes there."""
+LEADER = {"arrowstyle": "-", "color": "0.4", "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 3.0}
+LED = 1.8
+"""From so far on, in units, a leader is drawn."""
 SLIDING = ("prismatic", "cylindrical", "screw")
 """Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
 
@@ -64,8 +67,8 @@ def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float
             _draw_table(ax, posture, joint, fields[joint["name"]])
         _draw_joint(ax, joint, _ends(posture, joint), listed)
     if names:
-        _write_names(ax, posture)
         ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
+        _write_names(ax, posture)
 
 
 def _ends(posture: Posture, joint: dict[str, Any]) -> Points:
@@ -156,23 +159,46 @@ def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list
     ax.add_collection3d(Poly3DCollection([corners], facecolor=(*lighter(colour, 0.3), 0.35), edgecolor=colour, linewidth=0.8))
 
 
+class _Name(Annotation):
+    """A name beside a point in space, from which it keeps its distance however the axes are turned."""
+
+    axes: Any
+    arrow_patch: Any
+
+    def __init__(self, text: str, point: Points, **style: Any) -> None:
+        super().__init__(text, (0.0, 0.0), (0.0, 0.0), textcoords="offset points", ha="center", va="center", annotation_clip=False, arrowprops=LEADER, **style)
+        self.point = point
+
+    def draw(self, renderer: Any) -> None:
+        """At the place where its point is seen."""
+        self.xy = proj3d.proj_transform(*self.point, self.axes.get_proj())[:2]
+        super().draw(renderer)
+
+
 def _write_names(ax: Axes3D, posture: Posture) -> None:
-    """Names of links first, then of joints; those for which there is no room are left out."""
+    """Each name where it is farthest from lines and joints as they are seen, and on no other name."""
     figure = ax.get_figure(root=True)
     figure.draw_without_rendering()     # where things are is known only then
-    labels = _labels(posture)
-    links = {link["name"] for link in posture.scene.description["links"]}
-    letter = np.array([0.62, 1.25]) * FONT * figure.dpi / 72
-    taken: list[tuple[Points, Points]] = []
-    for text in sorted(labels, key=lambda name: name not in links):
-        x, y, _ = proj3d.proj_transform(*labels[text], ax.get_proj())
-        size = letter * [len(text) + 2, 1]
-        for ha, va in PLACES:
-            low = ax.transData.transform((x, y)) - size * [ALIGNED[ha], ALIGNED[va]]
-            if all((low + size <= start).any() or (low >= stop).any() for start, stop in taken):
-                taken.append((low, low + size))
-                ax.text(*labels[text], f"  {text}  ", fontsize=FONT, color="0.1", zorder=20, ha=ha, va=va, path_effects=[HALO])
-                break
+    unit = FONT * figure.dpi / 72
+    seen = [np.asarray(line.get_xydata()) for line in ax.lines]
+    seen += [path.vertices for faces in ax.collections for path in faces.get_paths()]
+    window = ax.bbox
+    room = Room(np.concatenate([sampled(ax.transData.transform(line), 0.3 * unit) for line in seen]), window.min, window.max, unit)
+    for artist in (ax.get_legend(), *(text for axis in (ax.xaxis, ax.yaxis, ax.zaxis) for text in axis.get_ticklabels())):
+        _take(room, artist)
+    for text, point, colour, is_link in _labels(posture):
+        name = _Name(text, point, fontsize=FONT, zorder=20, path_effects=[HALO], **name_style(colour, is_link))
+        ax.add_artist(name)
+        half = 0.5 * np.array(Text.get_window_extent(name).size) + 0.1 * unit
+        anchor = ax.transData.transform(proj3d.proj_transform(*point, ax.get_proj())[:2])
+        offset = room.place(anchor, half, is_link, FAR_RINGS) - anchor
+        name.set_position(tuple(offset * 72 / figure.dpi))
+        name.arrow_patch.set_visible(np.linalg.norm(np.maximum(np.abs(offset) - half, 0.0)) > LED * unit)
+
+
+def _take(room: Room, artist: Any) -> None:
+    box = artist.get_window_extent()
+    room.take(np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2, np.array(box.size) / 2)
 
 
 def _place_of(posture: Posture, joint: dict[str, Any]) -> Points:
@@ -184,13 +210,23 @@ def _place_of(posture: Posture, joint: dict[str, Any]) -> Points:
     return place
 
 
-def _labels(posture: Posture) -> dict[str, Points]:
-    """Names and where to write them; of a chain the part before the dot, once."""
-    gathered: dict[str, list[Points]] = {}
+def _labels(posture: Posture) -> list[tuple[str, Points, str, bool]]:
+    """Names, where they belong, their colours and whether they are links'; of a chain the part before the dot, once."""
     description = posture.scene.description
+    chains: dict[str, list[Points]] = {}
     for joint in description["joints"]:
-        gathered.setdefault(joint["name"].split(".")[0], []).append(_place_of(posture, joint))
-    for link, points in zip(description["links"], posture.markers):
-        if "." not in link["name"] and points:
-            gathered.setdefault(link["name"], []).append(np.mean(list(points.values()), axis=0))
-    return {text: np.mean(points, axis=0) for text, points in gathered.items()}
+        chains.setdefault(joint["name"].split(".")[0], []).append(_place_of(posture, joint))
+    extent = np.ptp([point for points in chains.values() for point in points], axis=0).max()
+    gathered: dict[tuple[float, ...], list[str]] = {}
+    places: dict[tuple[float, ...], Points] = {}
+    for name, points in chains.items():
+        place = np.mean(points, axis=0)
+        key = tuple(np.round(place / (0.01 * extent or 1.0)))
+        gathered.setdefault(key, []).append(name)
+        places.setdefault(key, place)
+    labels = [(list_of(names), places[key], "0.1", False) for key, names in gathered.items()]
+    for k, (link, markers) in enumerate(zip(description["links"], posture.markers)):
+        if "." not in link["name"] and markers and link["name"] not in chains:
+            corners = distinct(np.array([markers[name] for name in jointed(posture, k) or markers]))
+            labels.append((link["name"], corners.mean(axis=0), link_colour(k), True))
+    return labels
