@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,6 +66,19 @@ def test_power_that_is_rounding_is_no_warning(tmp_path):
     run.power_imbalance[int(np.abs(run.driving_power.values[:, 0]).argmax())] = 1e-6
     _, tables = read(linkdyn.sheet(run, tmp_path / "run.html"))
     assert "the power balance is off by 1e-06 of its terms" in tables["Warnings"][0][0].text
+
+
+@pytest.mark.parametrize(
+    "name, zero, other",
+    [("planetary_gearbox", "force", "moment about the origin"),     # planets opposite each other
+     ("bucket_tappet", "moment about the origin", "force")],        # all goes up and down on one line through the origin
+)
+def test_shaking_that_is_rounding_is_zero(name, zero, other):
+    run = linkdyn.Scene(Path(__file__).parents[2] / "examples" / name / "scene.toml").inverse()
+    (table,) = (part for part in sheet_page(run).tables if part.title.startswith("Shaking"))
+    rows = {row[0].text: [cell.text for cell in row[1:]] for row in table.rows}
+    assert rows[zero] == ["0", "N" if zero == "force" else "N·m", "–", "0"]
+    assert float(rows[other][0]) > 0 and rows[other][2] != "–"
 
 
 def test_names_beside_lines_do_not_overlap():

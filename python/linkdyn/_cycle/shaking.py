@@ -21,7 +21,7 @@ from ..results import instants_of
 from ..scene import Scene
 from .averages import good_samples
 
-__all__ = ["inertia_wrench", "shaking"]
+__all__ = ["inertia_size", "inertia_wrench", "shaking"]
 
 Vectors = NDArray[np.float64]
 PARTS = ("inertia", "weight", "load")
@@ -92,16 +92,37 @@ def inertia_wrench(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple
     """Minus the rate of momentum and of angular momentum about a point, (N, 3) each."""
     n = len(motion.position)
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
+    for pull, lever, rate in _inertia_terms(motion, run, point):
+        force += pull
+        moment += np.cross(lever, pull) - rate
+    return force, moment
+
+
+def inertia_size(run: xr.Dataset, scene: Scene) -> tuple[float, float]:
+    """Size of what `shaking` adds up to the force [N] and to the moment about the origin [N m] by inertia: by it rounding in them is known.
+
+    Of each body the mass times acceleration, and this times its lever, whatever the angle between them, and the rate of its own angular momentum; the largest
+    sum over the bodies in all samples that were computed.
+    """
+    motion = with_frame(link_motion(scene, run), run, "shaking")
+    good = good_samples(run)
+    force, moment = np.zeros(len(good)), np.zeros(len(good))
+    for pull, lever, rate in _inertia_terms(motion, run, np.zeros(3)):
+        size = np.linalg.norm(pull, axis=-1)
+        force += size
+        moment += size * np.linalg.norm(lever, axis=-1) + np.linalg.norm(rate, axis=-1)
+    return float(force[good].max(initial=0.0)), float(moment[good].max(initial=0.0))
+
+
+def _inertia_terms(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> Iterator[tuple[Vectors, Vectors, Vectors]]:
+    """Of each body minus mass times acceleration, its lever about a point, and the rate of the angular momentum about its centre of mass."""
     for k, mass, cog, inertia in _bodies(motion, run):
         place, _, acceleration = motion.of_point(k, cog)
-        pull = -mass * acceleration
         turn = motion.rotation[:, k]
         tensor = turn @ inertia @ np.swapaxes(turn, 1, 2)
         spin = motion.spin[:, k]
         rate = _times(tensor, motion.spin_rate[:, k]) + np.cross(spin, _times(tensor, spin))
-        force += pull
-        moment += np.cross(place - point, pull) - rate
-    return force, moment
+        yield -mass * acceleration, place - point, rate
 
 
 def _weight(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:

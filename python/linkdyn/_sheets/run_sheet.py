@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .._cycle.averages import good_samples, rms, shares
 from .._cycle.energy import energy
 from .._drawing.forces import borne
-from .._drawing.style import readable
+from .._drawing.style import plain_units, readable
 from .._drawing.sweep_data import describe_place
 from .._geometry.kinematics import variable_of
 from .._geometry.postures import scene_of
@@ -339,21 +339,26 @@ def _transmission(run: xr.Dataset) -> Table | None:
 
 
 def _shaking(run: xr.Dataset, scene: Scene | None) -> Table | None:
-    """On the frame, moment about the origin; without the constant weight."""
+    """On the frame, moment about the origin; without the constant weight. What inertia forces in balance leave of their sum is told as the zero that it is."""
     if scene is None or run.sizes["sample"] < 2:
         return None
-    from .._cycle.shaking import shaking
+    from .._cycle.shaking import inertia_size, shaking
 
     try:
         found = shaking(run, scene).sel(cause="inertia")
+        sizes = inertia_size(run, scene)
     except LinkdynError:    # coordinates that do not tell the links' motion
         return None
     rows = []
-    for words, values, unit in (("force", found.force_by_cause, "N"), ("moment about the origin", found.moment_by_cause, "N m")):
-        size = np.linalg.norm(values.values, axis=-1)[:, np.newaxis]
-        if not np.nan_to_num(size).any():
+    causes = (("force", found.force_by_cause, "N"), ("moment about the origin", found.moment_by_cause, "N m"))
+    for (words, values, unit), terms in zip(causes, sizes):
+        if terms == 0:      # nothing is accelerated
             continue
+        size = np.linalg.norm(values.values, axis=-1)[:, np.newaxis]
         peak, at = _peak(size, 1)
+        if peak[0] <= ROUNDING * terms:
+            rows.append([Cell(words), Cell("0"), Cell(plain_units(unit)), Cell(NONE), Cell("0")])
+            continue
         factor, name = readable(unit, float(peak[0]))
         rows.append([Cell(words), cell_of(peak[0], factor), Cell(name), Cell(_place(run, int(at[0]))),
                      cell_of(float(rms(size[:, 0], shares(run))), factor)])
