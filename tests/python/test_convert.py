@@ -20,6 +20,7 @@ from linkdyn._commands.convert import convert_command
 from linkdyn._geometry.kinematics import link_motion, variable_acceleration, variable_of
 
 import linkdyn
+import linkdyn._commands.new
 from linkdyn import Builder, laws
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -124,7 +125,7 @@ def rotation(quaternion):
 
 
 def turn(axis, angle):
-    half = axis / np.linalg.norm(axis) * math.sin(angle / 2)
+    half = np.asarray(axis) / np.linalg.norm(axis) * math.sin(angle / 2)
     return rotation([math.cos(angle / 2), *half])
 
 
@@ -611,7 +612,7 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     found = linkdyn.convert(fourbar(tmp_path, BY_FRAMES), folder=tmp_path)
     told = "\n".join(found.left_out)
     for words_told in (
-        "joint 'A': range -1 to 1 rad", "joint 'A': friction 0.1", "joint 'D': it mimics 'A'", "mesh 'meshes/crank.STL' (a second one, not in the link's axes)",
+        "joint 'A': range -1 to 1 rad", "joint 'A': friction 0.1", "joint 'D': it mimics 'A' (a loop leads it)", "mesh 'meshes/crank.STL' (a second one, not in the link's axes)",
         "mesh 'meshes/crank.dae' (a second one, no STL, the file is not there)", "link 'base': a picture that is no mesh", "1 collision shape(s)", "1 element(s) 'gazebo'",
         "frames 'closing_C_1' and '_2' are a revolute joint",
     ):  # fmt: skip
@@ -619,6 +620,171 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     crank = next(table for table in found.builder.to_dict()["link"] if table["name"] == "crank")
     assert (crank["mesh"], crank["mesh_unit"]) == ("meshes/crank.STL", "mm")
     assert repr(found).startswith("<linkdyn.Conversion to a scene: ")
+
+
+# ------------------------------------------------------------------------------------------------------------ URDF: mimic
+MIMICS = {
+    # leader, its axis; follower, parent, axis, place, attitude; multiplier, offset; what does it
+    "beside": ("revolute", "0 0 1", "revolute", "base", "0 0 1", "0.2 0.1 0.05", "0 0 0", -1.7, 0.3, "a belt"),
+    "beside, turned over": ("revolute", "0 0 1", "continuous", "base", "0 0 -1", "0.2 0.1 0", "0 0 0.4", -0.6, -0.2, "a belt"),
+    "finger": ("revolute", "0 0 1", "revolute", "a", "0 0 1", "0.15 0 0", "0 0 0.2", 1.3, 0.1, "a belt"),
+    "finger, turned over": ("revolute", "0 0 1", "revolute", "a", "0 0 -1", "0.15 0 0", "0 0 0.2", 0.7, 0.1, "a belt"),
+    "one axis": ("revolute", "0 0 1", "revolute", "a", "0 0 1", "0 0 0.1", "0 0 0", -2.0, 0.1, "a massless rack between them"),
+    "skew": ("revolute", "0 0 1", "revolute", "base", "0 1 1", "0.1 0.2 0.1", "0.3 0 0.2", 0.8, 0.4, "a massless rack between them"),
+    "skew finger": ("revolute", "0 0 1", "revolute", "a", "1 0 1", "0.1 0.02 0.1", "0 0 0", -0.8, 0.4, "a massless rack between them"),
+    "rack": ("revolute", "0 0 1", "prismatic", "base", "1 -2 0", "0.1 0.2 0.1", "0 0 0.3", 0.2, 0.05, "wheel and rack"),
+    "rack on the wheel": ("revolute", "0 0 1", "prismatic", "a", "1 0 0", "0.1 0 0", "0 0 0.3", -0.2, 0.05, "wheel and rack"),
+    "pinion": ("prismatic", "1 0 0", "continuous", "base", "0 1 2", "0.1 0.2 0.1", "0.3 0 0", 4.0, 0.3, "wheel and rack"),
+    "pinion on the rack": ("prismatic", "1 0 0", "continuous", "a", "0 1 2", "0.1 0.2 0.1", "0.3 0 0", -4.0, 0.3, "wheel and rack"),
+    "jaws": ("prismatic", "1 0 0", "prismatic", "base", "1 0 0", "0.1 0.2 0.1", "0 0 0", -1.0, 0.1, "a massless pinion between them"),
+    "jaws askew": ("prismatic", "1 0 0", "prismatic", "base", "1 1 0", "0.1 0.2 0.1", "0 0.2 0", 1.5, 0.0, "a massless pinion between them"),
+    "telescope": ("prismatic", "1 0 0", "prismatic", "a", "1 0 0", "0.1 0 0.1", "0 0 0.1", 1.0, -0.05, "a massless pinion between them"),
+}
+MIMIC = """
+<robot name="mimic"><link name="floor"/><link name="base"/>
+  <link name="a"><inertial><origin xyz="0.05 0.01 0.02"/><mass value="1.5"/><inertia ixx="2e-3" ixy="1e-4" ixz="0" iyy="3e-3" iyz="2e-4" izz="4e-3"/></inertial></link>
+  <link name="b"><inertial><origin xyz="0.03 -0.04 0.01"/><mass value="0.8"/><inertia ixx="3e-3" ixy="0" ixz="-2e-4" iyy="2e-3" iyz="0" izz="2.5e-3"/></inertial></link>
+  <link name="c"><inertial><origin xyz="0 0.1 0.01"/><mass value="0.4"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="2e-3" iyz="0" izz="1e-3"/></inertial></link>
+  <joint name="base" type="fixed"><parent link="floor"/><child link="base"/><origin xyz="0.1 0.2 0" rpy="0.5 0.4 0.3"/></joint>
+  <joint name="A" type="{0}"><parent link="base"/><child link="a"/><origin xyz="0.02 -0.03 0.01"/><axis xyz="{1}"/></joint>
+  <joint name="B" type="{2}"><parent link="{3}"/><child link="b"/><origin xyz="{5}" rpy="{6}"/><axis xyz="{4}"/>
+    <mimic joint="A" multiplier="{7}" offset="{8}"/></joint>
+  <joint name="C" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.05 0.05 0" rpy="0 0.3 0"/><axis xyz="1 0 1"/></joint>
+</robot>
+"""
+
+
+class Lagrange:
+    """Robots of URDF by Lagrange's equations in their leading joints: Jacobians by complex steps, the rest by differences."""
+
+    def __init__(self, text, leaders):
+        root = ElementTree.fromstring(text)
+        self.joints = root.findall("joint")      # parents first
+        self.links = {link.get("name"): link.find("inertial") for link in root.findall("link")}
+        self.leaders = leaders
+
+    def places(self, q):
+        place = {"floor": (np.zeros(3), np.eye(3))}
+        values = dict(zip(self.leaders, q))
+        for joint in self.joints:
+            if (mimic := joint.find("mimic")) is not None:      # leaders that follow stand before their followers here
+                values[joint.get("name")] = float(mimic.get("multiplier", "1")) * values[mimic.get("joint")] + float(mimic.get("offset", "0"))
+            p, r = place[joint.find("parent").get("link")]
+            x, y, z = numbers(joint.find("origin"), "rpy")
+            p = p + r @ numbers(joint.find("origin"), "xyz")
+            r = r @ turn([0, 0, 1], z) @ turn([0, 1, 0], y) @ turn([1, 0, 0], x)
+            place[joint.find("child").get("link")] = p, r
+            if joint.get("type") == "fixed":
+                continue
+            axis, value = numbers(joint.find("axis"), "xyz"), values[joint.get("name")]
+            axis = axis / np.linalg.norm(axis)
+            if joint.get("type") == "prismatic":
+                p = p + r @ axis * value
+            else:
+                cross = np.cross(np.eye(3), axis)
+                r = r @ (np.eye(3) + np.sin(value) * cross + (1 - np.cos(value)) * cross @ cross)
+            place[joint.find("child").get("link")] = p, r
+        return place
+
+    def masses(self, q):
+        """Mass matrix, and how potential energy grows."""
+        n = len(q)
+        matrix, weight = np.zeros((n, n)), np.zeros(n)
+        steps = [self.places(q + 1e-30j * np.eye(n)[k]) for k in range(n)]
+        for name, inertial in self.links.items():
+            if inertial is None:
+                continue
+            mass, cog = float(inertial.find("mass").get("value")), numbers(inertial.find("origin"), "xyz")
+            ixx, ixy, ixz, iyy, iyz, izz = (float(inertial.find("inertia").get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+            tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+            r = steps[0][name][1].real
+            way = np.array([(p + r1 @ cog).imag * 1e30 for p, r1 in (step[name] for step in steps)])
+            skew = [(step[name][1].imag * 1e30) @ r.T for step in steps]
+            spin = np.array([[s[2, 1], s[0, 2], s[1, 0]] for s in skew])
+            matrix += mass * way @ way.T + spin @ r @ tensor @ r.T @ spin.T
+            weight += 9.80665 * mass * way[:, 2]
+        return matrix, weight
+
+    def forces(self, q, qd, qdd):
+        n, h = len(q), 1e-4
+        matrix, weight = self.masses(q)
+        rate = [(self.masses(q + h * e)[0] - self.masses(q - h * e)[0]) / (2 * h) for e in np.eye(n)]
+        return matrix @ qdd + sum(r * v for r, v in zip(rate, qd)) @ qd - 0.5 * np.array([qd @ r @ qd for r in rate]) + weight
+
+
+@pytest.mark.parametrize("name", MIMICS)
+def test_joints_that_mimic_in_urdf(name, tmp_path):
+    """Driving forces by Lagrange's equations, in which nothing but the ratio couples the joints; the differences there leave 1e-7."""
+    path = tmp_path / "mimic.urdf"
+    path.write_text(MIMIC.format(*MIMICS[name]))
+    found = linkdyn.convert(path)
+    assert any(f"joint 'B': it mimics 'A' by {MIMICS[name][-1]}" in line for line in found.left_out), found.left_out
+    scene = found.scene()
+    assert scene.coordinates == ("A", "C") and scene.actuators == ("A", "C")
+    rng = np.random.default_rng(3)
+    q, qd, qdd = rng.uniform(-0.5, 0.5, (6, 2)), rng.uniform(-3, 3, (6, 2)), rng.uniform(-5, 5, (6, 2))
+    run = scene.inverse(q, qd, qdd)
+    assert (run.status == 0).all()
+    own = Lagrange(path.read_text(), ("A", "C"))
+    np.testing.assert_allclose(run.driving_force, [own.forces(*state) for state in zip(q, qd, qdd)], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("of_b", "of_c", "ratio", "told"), [
+    (("revolute", "0 0 1"), ("revolute", "0 0 1"), -1.4, "a belt"),
+    (("revolute", "0 0 1"), ("revolute", "1 0 1"), 0.7, "a massless rack between them"),
+    (("revolute", "0 0 1"), ("prismatic", "1 2 0"), 3.0, "wheel and rack"),
+    (("prismatic", "0 0 1"), ("revolute", "1 0 0"), 0.2, "wheel and rack"),
+    (("prismatic", "0 0 1"), ("prismatic", "1 0 1"), -0.8, "a massless pinion between them"),
+], ids=lambda value: value if isinstance(value, str) else "")
+def test_links_that_mimic_what_they_carry(of_b, of_c, ratio, told, tmp_path):
+    """The follower carries its leader: seen from it the frame moves against the joint."""
+    text = MIMIC.format("revolute", "0 0 1", of_b[0], "base", of_b[1], "0.2 0 0", "0 0 0", 1, 0)
+    text = re.sub(r"<mimic [^>]*>", f'<mimic joint="C" multiplier="{ratio}" offset="0.15"/>', text)
+    text = re.sub(r'"C" type="revolute"(.*)rpy="0 0.3 0"/><axis xyz="1 0 1"/>', rf'"C" type="{of_c[0]}"\1/><axis xyz="{of_c[1]}"/>', text)
+    path = tmp_path / "mimic.urdf"
+    path.write_text(text)
+    found = linkdyn.convert(path)
+    assert f"joint 'B': it mimics 'C' by {told}, whose forces joints carry, too" in found.left_out
+    scene = found.scene()
+    assert scene.coordinates == ("A", "C")
+    rng = np.random.default_rng(4)
+    q, qd, qdd = rng.uniform(-0.5, 0.5, (6, 2)), rng.uniform(-3, 3, (6, 2)), rng.uniform(-5, 5, (6, 2))
+    run = scene.inverse(q, qd, qdd)
+    assert (run.status == 0).all()
+    own = Lagrange(text, ("A", "C"))
+    np.testing.assert_allclose(run.driving_force, [own.forces(*state) for state in zip(q, qd, qdd)], rtol=0, atol=1e-6)
+
+
+def test_fingers_that_mimic_in_turn(tmp_path):
+    """B follows A, C follows B; one motor moves all, and the zero pose is none of theirs."""
+    path = tmp_path / "mimic.urdf"
+    text = MIMIC.format(*MIMICS["finger"]).replace('rpy="0 0.3 0"/><axis xyz="1 0 1"/>', '/><axis xyz="0 0 1"/><mimic joint="B" multiplier="0.9" offset="-0.2"/>')
+    path.write_text(text)
+    scene = linkdyn.convert(path).scene()
+    assert scene.coordinates == ("A",)
+    q, qd, qdd = np.linspace(-4, 4, 7)[:, np.newaxis], np.full((7, 1), 2.0), np.full((7, 1), -3.0)      # more than half a turn each way
+    run = scene.inverse(q, qd, qdd)
+    assert (run.status == 0).all()
+    own = Lagrange(text, ("A",))
+    np.testing.assert_allclose(run.driving_force, [own.forces(*state) for state in zip(q, qd, qdd)], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("mimic", "of_axis", "parent", "told"), [
+    ('joint="A" multiplier="0"', "0 0 1", "base", "it mimics 'A' (its multiplier is 0)"),
+    ('joint="A"', "0 1 1", "base", "it mimics 'A' (a slide that is not square to a hinge)"),
+    ('joint="A"', "1 0 0", "far", "it mimics 'A' (no link holds both joints: a gear, or links that do it, say it)"),
+    ('joint="base"', "1 0 0", "base", "it mimics 'base' (both have to be hinges or slides of the tree)"),
+])
+def test_mimics_that_urdf_leaves_out(mimic, of_axis, parent, told, tmp_path):
+    """What cannot be had is told, and the joint leads."""
+    path = tmp_path / "mimic.urdf"
+    text = MIMIC.format("revolute", "0 0 1", "prismatic", parent, of_axis, "0.1 0 0", "0 0 0", 1, 0).replace('joint="A" multiplier="1" offset="0"', mimic)
+    path.write_text(text.replace("</robot>", """<link name="near"/><link name="far"/>
+      <joint name="N" type="revolute"><parent link="base"/><child link="near"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/></joint>
+      <joint name="F" type="revolute"><parent link="near"/><child link="far"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/></joint></robot>"""))
+    found = linkdyn.convert(path)
+    assert f"joint 'B': {told}" in found.left_out
+    assert "B" in found.scene().coordinates
 
 
 LOST = """
@@ -785,6 +951,10 @@ def test_rotors_of_hinges_that_cross(tmp_path):
     (joint_between('<origin xyz="1 2 nan"/>'), "origin: xyz = '1 2 nan' (expected three numbers)"),
     (joint_between('<axis xyz="0 0 0"/>'), "joint 'J': its axis has no direction"),
     (joint_between('<dynamics damping="much"/>'), "damping = 'much' (expected a number)"),
+    (joint_between('<mimic joint="K"/>'), "joint 'J': it mimics 'K', which is no joint of the robot (expected one of its joints)"),
+    (joint_between('<mimic joint="J"/>'), "joint 'J': joints mimic each other in a circle (expected one that mimics none)"),
+    (joint_between('<mimic joint="J" multiplier="two"/>').replace("</robot>", '<link name="d"/><joint name="K" type="revolute"><parent link="b"/>'
+        '<child link="d"/></joint></robot>').replace('mimic joint="J"', 'mimic joint="K"'), "multiplier = 'two' (expected a number)"),
     (joint_between("").replace('child link="b"', 'child link="c"'), "joint 'J': child 'c' is no link of the robot"),
     ('<robot><link name="a"><inertial/></link></robot>', "inertial: value = '' (expected a number)"),
     ("<robot>" + "".join(f'<link name="{n}"/>' for n in "abc") + "".join(

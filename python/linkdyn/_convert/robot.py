@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "ALIGNED", "EXACT", "ROUND", "Array", "Body", "Loop", "Robot", "TreeJoint", "ancestors", "angles_of", "axes_about", "closed", "gaps", "held", "idle_spins",
+    "ALIGNED", "EXACT", "ROUND", "Array", "Body", "Coupling", "Loop", "Robot", "TreeJoint", "ancestors", "angles_of", "axes_about", "closed", "followed", "gaps", "held", "idle_spins",
     "leading", "pose_of", "round_about", "size_of", "turn", "without_welds", "zeros",
 ]  # fmt: skip
 
@@ -95,6 +95,16 @@ class Loop:
 
 
 @dataclass
+class Coupling:
+    """A joint that follows another one: its variable is `ratio` times the other's, and `offset`."""
+
+    leader: TreeJoint
+    follower: TreeJoint
+    ratio: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass
 class Robot:
     """A robot read from a file."""
 
@@ -103,6 +113,7 @@ class Robot:
     bodies: list[Body]
     """The first one is the world."""
     loops: list[Loop] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     start: Array | None = None
     """How far each freedom of the tree has moved at the start from the reference pose [m, rad]; none: not at all."""
@@ -164,6 +175,7 @@ class Pose:
     rotation: list[Array]
     lines: list[tuple[int, float, float, Array, Array]]
     """Body, how much it turns and goes, direction and point, for each freedom."""
+    moved: Array
 
 
 def pose_of(robot: Robot, moved: Array) -> Pose:
@@ -195,13 +207,11 @@ def pose_of(robot: Robot, moved: Array) -> Pose:
                 lines += [(i, 1.0, 0.0, axes[:, k], point) for k in range(3)]
         positions.append(p)
         rotations.append(r)
-    return Pose(positions, rotations, lines)
+    return Pose(positions, rotations, lines, moved)
 
 
 def gaps(robot: Robot, pose: Pose, size: float) -> tuple[Array, Array]:
-    """How far the loops gape (n,), and what each freedom does about it (n, freedoms); lengths over the size of the mechanism."""
-    if not robot.loops:
-        return np.zeros(0), np.zeros((0, len(pose.lines)))
+    """How far loops gape and followers are off (n,), and what each freedom does about it (n, freedoms); lengths over the size of the mechanism."""
     carriers = [ancestors(robot, i) for i in range(len(robot.bodies))]
     values, rows = [], []
     for loop in robot.loops:
@@ -230,6 +240,12 @@ def gaps(robot: Robot, pose: Pose, size: float) -> tuple[Array, Array]:
             a, b = second[:, of_second], first[:, of_first]
             values.append(a @ b)
             rows.append(np.cross(a, b) @ turning)
+    numbers = {id(joint): k for k, (_, joint, _) in enumerate(robot.dofs())}
+    for c in robot.couplings:
+        row, scale = np.zeros(len(pose.lines)), size if c.follower.kind == "slide" else 1.0
+        row[numbers[id(c.follower)]], row[numbers[id(c.leader)]] = 1 / scale, -c.ratio / scale
+        rows.append(row)
+        values.append(row @ pose.moved + (c.follower.reference - c.ratio * c.leader.reference - c.offset) / scale)
     return np.array(values), np.array(rows).reshape(len(values), len(pose.lines))
 
 
@@ -255,23 +271,36 @@ def closed(robot: Robot, moved: Array, size: float) -> Array | None:
     return moved if np.abs(values).max() < 1e-9 else None
 
 
+def followed(robot: Robot, moved: Array) -> Array:
+    """The tree moved on until followers stand where their leaders say, which stay."""
+    numbers = {id(joint): k for k, (_, joint, _) in enumerate(robot.dofs())}
+    moved = moved.copy()
+    for _ in robot.couplings:       # leaders may be followers themselves
+        for c in robot.couplings:
+            leads, follows = numbers[id(c.leader)], numbers[id(c.follower)]
+            moved[follows] = c.ratio * (moved[leads] + c.leader.reference) + c.offset - c.follower.reference
+    return moved
+
+
 def size_of(robot: Robot) -> float:
     """A length of the mechanism [m]."""
     return max((float(np.abs(body.position).max()) for body in robot.bodies), default=0.0) or 1.0
 
 
 def leading(robot: Robot, moved: Array, size: float) -> list[int]:
-    """Freedoms of the tree that lead the others by way of the loops: driven ones first, then those next to the world."""
+    """Freedoms of the tree that lead the others by way of loops and couplings: driven ones first, then those next to the world."""
     dofs = list(robot.dofs())
-    if not robot.loops:
+    if not robot.loops and not robot.couplings:
         return list(range(len(dofs)))
     near = np.random.default_rng(1).uniform(-0.05, 0.05, len(dofs))        # off dead points
     place = closed(robot, moved + near, size)
     _, rows = gaps(robot, pose_of(robot, moved if place is None else place), size)
 
-    def last_to_lead(k: int) -> tuple[bool, bool, int]:
+    followers = {id(coupling.follower) for coupling in robot.couplings}
+
+    def last_to_lead(k: int) -> tuple[bool, bool, bool, int]:
         _, joint, _ = dofs[k]
-        return joint.is_driven, joint.n_dof == 1, -k
+        return joint.is_driven, id(joint) not in followers, joint.n_dof == 1, -k
 
     led: set[int] = set()
     columns = rows / (float(np.abs(rows).max()) or 1.0)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._builder import Builder, Link
+from .couplings import Train, add_train, train_of
 from .robot import (
     ALIGNED,
     EXACT,
@@ -21,6 +22,7 @@ from .robot import (
     angles_of,
     axes_about,
     closed,
+    followed,
     idle_spins,
     leading,
     pose_of,
@@ -140,7 +142,7 @@ def as_builder(robot: Robot) -> Builder:
     if len(robot.bodies) > MOST:
         raise InputError(f"convert: the robot has {len(robot.bodies)} bodies (expected {MOST} at most)")
     _require_numbers(robot)
-    return _SceneMaker(robot).made()
+    return SceneMaker(robot).made()
 
 
 def _require_numbers(robot: Robot) -> None:
@@ -163,7 +165,7 @@ def _require_numbers(robot: Robot) -> None:
         check(f"loop '{loop.name[:NAME_LENGTH]}'", *loop.at, *loop.frames)
 
 
-class _SceneMaker:
+class SceneMaker:
     def __init__(self, robot: Robot) -> None:
         whole = without_welds(robot)
         robot.left_out[:] = whole.left_out
@@ -175,11 +177,13 @@ class _SceneMaker:
         self.joint_names = Names()
         self.dof_names: list[tuple[str, str | None]] = []
         """Joint and variable, or link and component, of each freedom."""
+        self.trains = self._find_trains()
         self.loop_motors: list[str] = []
         """Joints that close loops and are driven."""
 
     def made(self) -> Builder:
         moved = np.zeros(sum(1 for _ in self.robot.dofs())) if self.robot.start is None else self.robot.start
+        moved = followed(self.robot, moved)
         place = closed(self.robot, moved, self.size)
         if place is None:
             self.left_out.append("the loops do not close near the pose that the file has: give the joints a start")
@@ -190,8 +194,21 @@ class _SceneMaker:
         self._add_links()
         self._add_tree_joints()
         self._add_loops()
+        self._add_trains()
         self._add_coordinates()
         return self.b
+
+    def _find_trains(self) -> list[Train]:
+        """What couples joints; the robot keeps only couplings that a scene can have."""
+        trains = []
+        for coupling in self.robot.couplings:
+            train = train_of(self.robot, coupling, self.size)
+            if isinstance(train, Train):
+                trains.append(train)
+            else:
+                self.left_out.append(f"joint '{coupling.follower.name}': it mimics '{coupling.leader.name}' ({train})")
+        self.robot.couplings = [train.coupling for train in trains]
+        return trains
 
     def _settle_spins(self) -> None:
         """Rods between balls: the engine holds their spin, if they are bodies of revolution."""
@@ -290,6 +307,26 @@ class _SceneMaker:
                 self.b.spring(f"{name}_spring", joint=name, damping=loop.damping)
             if loop.is_driven:
                 self.loop_motors.append(name)
+
+    def _add_trains(self) -> None:
+        for train in self.trains:
+            c = train.coupling
+            self.left_out.append(f"joint '{c.follower.name}': it mimics '{c.leader.name}' by {add_train(self, train)}, whose forces joints carry, too")
+
+    def variable(self, joint: TreeJoint) -> float:
+        """Of a hinge or slide, at the start."""
+        return float(joint.reference + next(way for way, (_, other, _) in zip(self.moved, self.robot.dofs()) if other is joint))
+
+    def add_part(self, name: str, kind: str, carrier: int, at: Array, axis: Array, start: float) -> int:
+        """A massless link in a hinge or slide of a body, with that body's axes where its variable is zero; its number."""
+        self.links.append(self.b.link(self.names.new(name, "part"), mass=0))
+        markers = [self.marker_on(carrier, name, at, axes_about(axis)), self.marker_on(len(self.links) - 1, name, zeros(), axes_about(axis))]
+        add = self.b.revolute if kind == "hinge" else self.b.prismatic
+        add(self.joint_names.new(name, "J"), *markers, start=start or None)
+        return len(self.links) - 1
+
+    def marker_on(self, body: int, wanted: str, at: Array, axes: Array) -> str:
+        return self._marker(self.links[body], wanted, at, axes)
 
     def _marker(self, link: Link, wanted: str, at: Array, axes: Array) -> str:
         """A point with axes in columns, written as short as they allow."""

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .robot import Array, Body, Loop, Robot, TreeJoint, across, axes_about, turn
+from .robot import Array, Body, Coupling, Loop, Robot, TreeJoint, across, axes_about, turn
 from .xml_file import XmlFile
 
 __all__ = ["read_urdf"]
@@ -64,6 +64,7 @@ class _Reader:
         bodies[0].mass = 0.0
         robot = Robot(self.file.root.get("name", ""), GRAVITY.copy(), bodies)
         robot.loops = [self._loop(joint, numbers) for joint in loops] + self._closing_frames(robot, numbers)
+        robot.couplings = self._couplings(robot)
         self._tell_the_rest()
         robot.left_out = self.left_out
         return robot
@@ -168,13 +169,33 @@ class _Reader:
         return 0.0
 
     def _tell_bounds(self, joint: Element, kind: str) -> None:
-        """Ranges, and what follows other joints."""
-        name, limit, mimic = joint.get("name", ""), joint.find("limit"), joint.find("mimic")
+        """Its range."""
+        name, limit = joint.get("name", ""), joint.find("limit")
         if limit is not None and joint.get("type") != "continuous" and (limit.get("lower") or limit.get("upper")):
             unit = "rad" if kind == "hinge" else "m"
             self.left_out.append(f"joint '{name}': range {limit.get('lower', '0')} to {limit.get('upper', '0')} {unit} (a [[stop]] says it)")
-        if mimic is not None:
-            self.left_out.append(f"joint '{name}': it mimics '{mimic.get('joint', '')}' (a gear, or links that do it, say it)")
+
+    def _couplings(self, robot: Robot) -> list[Coupling]:
+        """Joints that mimic others."""
+        leaders = {name: mimic.get("joint", "") for name, joint in self.joints.items() if (mimic := joint.find("mimic")) is not None}
+        known = {joint.name: joint for _, joint, _ in robot.dofs()}
+        found = []
+        for name, leader in leaders.items():
+            mimic = self.joints[name].find("mimic")
+            if leader not in self.joints:
+                raise self.file.refuse(self.joints[name], f"it mimics {leader[:60]!r}, which is no joint of the robot (expected one of its joints)")
+            above, chain = leader, {name}
+            while above in leaders and above not in chain:
+                chain.add(above)
+                above = leaders[above]
+            if above in chain:
+                raise self.file.refuse(self.joints[name], "joints mimic each other in a circle (expected one that mimics none)")
+            ratio, offset = (self._number(mimic, key, self.joints[name], default) for key, default in (("multiplier", 1.0), ("offset", 0.0)))
+            if name in known and leader in known:
+                found.append(Coupling(known[leader], known[name], ratio, offset))
+            else:
+                self.left_out.append(f"joint '{name}': it mimics '{leader}' (both have to be hinges or slides of the tree)")
+        return found
 
     # ---------------------------------------------------------------------------------------------------------------- loops
     def _loop(self, joint: Element, numbers: dict[str, int]) -> Loop:
