@@ -8,8 +8,8 @@ module linkdyn_angles
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: matrix_of_angles, angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix, spin_of_quaternion, spin_of_angles, &
-        angles_by_spin, is_near_pole
+    public :: matrix_of_angles, angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix, find_rotation_fault, &
+        spin_of_quaternion, spin_of_angles, angles_by_spin, is_near_pole
 
     real(wp), parameter :: near_pole = 0.05_wp    !! cosine of pitch: rates from there on lose a factor of 400 to rounding at most
 
@@ -75,6 +75,25 @@ contains
         k = maxloc([(times(k, k), k=1, 4)], dim=1)
         p = times(:, k)/norm2(times(:, k))
     end function quaternion_of_matrix
+
+    !> What keeps a matrix from being a rotation, of which six digits may be written; empty: nothing does.
+    subroutine find_rotation_fault(r, fault)
+        real(wp), intent(in) :: r(3, 3)
+        character(len=:), allocatable, intent(out) :: fault
+        real(wp), parameter :: unit(3, 3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+        real(wp), parameter :: off = 1.0e-5_wp
+        real(wp) :: most
+
+        fault = ""
+        most = maxval(abs(matmul(r, transpose(r)) - unit))
+        if (.not. all(ieee_is_finite(r))) then
+            fault = "is not of finite numbers"
+        else if (.not. most <= off) then
+            fault = "is no rotation: its rows are not unit vectors square to each other, by "//to_text(most)
+        else if (dot_product(r(1, :), cross(r(2, :), r(3, :))) < 0) then
+            fault = "mirrors (expected a rotation, whose determinant is 1)"
+        end if
+    end subroutine find_rotation_fault
 
     !> Angular velocity and acceleration, in the axes that the attitude starts from, of a quaternion of any length with its rates:
     !> omega is the vector of 2 p' p^-1, which how its length changes has no part in.

@@ -1,8 +1,7 @@
 !> Attitudes in a scene file: by the three angles, as quaternion, as rotation matrix; tables of quaternions.
 module linkdyn_scene_attitudes
-    use linkdyn_angles, only: angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix
+    use linkdyn_angles, only: angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix, find_rotation_fault
     use linkdyn_constants, only: two_pi
-    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: law_spec, table_spec
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, get_vector, vector_of
@@ -62,8 +61,7 @@ contains
         type(toml_node), intent(in) :: node
         real(wp), intent(out) :: r(3, 3)
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: off = 1.0e-5_wp         !! six digits may be written
-        real(wp) :: unit(3, 3), turned(3, 3)
+        character(len=:), allocatable :: fault
         integer :: k
 
         r = 0
@@ -76,14 +74,8 @@ contains
             call vector_of(place, "rotation", node%at(k), plain_number, r(k, :), status)
         end do
         if (.not. status%is_ok()) return
-        unit = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
-        turned = matmul(r, transpose(r)) - unit
-        if (maxval(abs(turned)) > off) then
-            call refuse_value(place, "rotation", node, "is no rotation: its rows are not unit vectors square to each other, by "// &
-                to_text(maxval(abs(turned))), status)
-        else if (dot_product(r(1, :), cross(r(2, :), r(3, :))) < 0) then
-            call refuse_value(place, "rotation", node, "mirrors (expected a rotation, whose determinant is 1)", status)
-        end if
+        call find_rotation_fault(r, fault)
+        if (fault /= "") call refuse_value(place, "rotation", node, fault, status)
     end subroutine read_matrix
 
     !> Does a table tell attitudes as quaternions?

@@ -241,11 +241,11 @@ def gaps(robot: Robot, pose: Pose, size: float) -> tuple[Array, Array]:
             values.append(a @ b)
             rows.append(np.cross(a, b) @ turning)
     numbers = {id(joint): k for k, (_, joint, _) in enumerate(robot.dofs())}
-    for c in robot.couplings:
-        row, scale = np.zeros(len(pose.lines)), size if c.follower.kind == "slide" else 1.0
-        row[numbers[id(c.follower)]], row[numbers[id(c.leader)]] = 1 / scale, -c.ratio / scale
+    for pair in robot.couplings:
+        row, scale = np.zeros(len(pose.lines)), size if pair.follower.kind == "slide" else 1.0
+        row[numbers[id(pair.follower)]], row[numbers[id(pair.leader)]] = 1 / scale, -pair.ratio / scale
         rows.append(row)
-        values.append(row @ pose.moved + (c.follower.reference - c.ratio * c.leader.reference - c.offset) / scale)
+        values.append(row @ pose.moved + (pair.follower.reference - pair.ratio * pair.leader.reference - pair.offset) / scale)
     return np.array(values), np.array(rows).reshape(len(values), len(pose.lines))
 
 
