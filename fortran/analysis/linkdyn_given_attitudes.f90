@@ -3,8 +3,8 @@
 !> Where none of a sample's attitudes is near its pole the angles' rates tell the same motion, and the sample is computed as any other.
 !> Else all attitudes of the sample go by their quaternions.
 module linkdyn_given_attitudes
-    use linkdyn_angles, only: angles_of_matrix, matrix_of_angles, matrix_of_quaternion, quaternion_of_matrix, spin_of_angles, &
-        angles_by_spin, is_near_pole
+    use linkdyn_angles, only: angles_of_matrix, matrix_of_angles, matrix_of_quaternion, quaternion_of_matrix, find_rotation_fault, &
+        spin_of_angles, angles_by_spin, is_near_pole
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles, has_assemblies
@@ -13,9 +13,10 @@ module linkdyn_given_attitudes
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: attitude_name, take_attitudes, turn_by_quaternion, refuse_way_past_pole
+    public :: attitude_name, attitudes_of_matrices, take_attitudes, turn_by_quaternion, refuse_way_past_pole
 
     integer, parameter, public :: attitude_size = 10    !! w x y z, angular velocity, angular acceleration
+    integer, parameter, public :: rotation_size = 15    !! matrix row by row, angular velocity, angular acceleration
 
 contains
 
@@ -35,6 +36,35 @@ contains
             name = name(:index(name, ".", back=.true.) - 1)
         end do
     end function attitude_name
+
+    !> Attitudes with rotation matrices as those with the quaternions of the nearest rotations.
+    !>
+    !> **Errors**: bad input for a matrix that is no rotation, with its sample.
+    subroutine attitudes_of_matrices(model, rotation, attitude, status)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: rotation(:, :, :)      !! (rotation_size, n_attitude, n); matrix 0: by its angles
+        real(wp), intent(out) :: attitude(:, :, :)     !! (attitude_size, n_attitude, n)
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: fault
+        real(wp) :: r(3, 3)
+        integer :: i, k
+
+        attitude(:4, :, :) = 0
+        attitude(5:, :, :) = rotation(10:, :, :)
+        do i = 1, size(rotation, 3)
+            do k = 1, size(rotation, 2)
+                if (all(rotation(:9, k, i) == 0)) cycle
+                r = transpose(reshape(rotation(:9, k, i), [3, 3]))
+                call find_rotation_fault(r, fault)
+                if (fault /= "") then
+                    call fail(status, status_bad_input, "sample "//to_text(i - 1)//" (the first is 0): the rotation of " &
+                              //quoted(trim(attitude_name(model, k)))//" "//fault)
+                    return
+                end if
+                attitude(:4, k, i) = quaternion_of_matrix(r)
+            end do
+        end do
+    end subroutine attitudes_of_matrices
 
     !> Attitudes in, their quaternions of any length; angles and their rates out, which near a pole are as large as need be. What is
     !> left in the attitudes is of samples that have to go by them.

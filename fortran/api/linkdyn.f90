@@ -145,6 +145,17 @@ module linkdyn
             integer(c_int), intent(inout) :: status(*)
         end function c_inverse
 
+        integer(c_int) function c_inverse_rotations(scene, settings, n, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, load, &
+                n_result, results, status) bind(c, name="linkdyn_compute_inverse_rotations")
+            import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
+            type(c_ptr), value :: scene, t, attitude
+            type(c_inverse_settings), intent(in) :: settings
+            integer(c_size_t), value :: n, n_q, n_attitude, n_load, n_result
+            real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
+            type(c_result), intent(in) :: results(*)
+            integer(c_int), intent(inout) :: status(*)
+        end function c_inverse_rotations
+
         integer(c_int) function c_poses(scene, n, n_q, q, n_link, position, axes, status) bind(c, name="linkdyn_find_poses")
             import :: c_double, c_int, c_ptr, c_size_t
             type(c_ptr), value :: scene
@@ -364,12 +375,13 @@ contains
         call compute(self, c_loc(t), q, qd, qdd, no_attitude, load, results, status, code, solver, threads, in_order)
     end subroutine inverse_at
 
-    !> The same with attitudes as quaternions in place of roll, pitch and yaw: w x y z, angular velocity and angular acceleration of each
-    !> of the list "attitude"; where w x y z are zero the angles count.
+    !> The same with attitudes as quaternions in place of roll, pitch and yaw: w x y z, angular velocity and angular
+    !> acceleration of each of the list "attitude"; where w x y z are zero the angles count. Of 15 numbers the first nine are
+    !> a rotation matrix, row by row, instead.
     subroutine inverse_attitudes(self, q, qd, qdd, attitude, load, results, status, code, t, solver, threads, in_order)
         class(linkdyn_scene), intent(in) :: self
         real(c_double), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :)            !! (n_coordinate, n)
-        real(c_double), intent(in), contiguous, target :: attitude(:, :, :)               !! (10, n_attitude, n)
+        real(c_double), intent(in), contiguous, target :: attitude(:, :, :)               !! (10 or 15, n_attitude, n)
         real(c_double), intent(in), contiguous :: load(:, :, :)                           !! (6, n_load, n)
         type(linkdyn_result), intent(in), target :: results(:)
         integer(c_int), intent(inout), contiguous :: status(:)                            !! (n)
@@ -381,7 +393,8 @@ contains
         type(c_ptr) :: instants
 
         code = linkdyn_bad_input
-        if (.not. agree([size(attitude, 1), 10], "an attitude has other than 10 numbers")) return
+        if (.not. agree([size(attitude, 1), merge(15, 10, size(attitude, 1) == 15)], &
+                        "an attitude has other than 10 or 15 numbers")) return
         if (.not. agree([size(attitude, 3), size(q, 2)], "attitude and q differ in their samples")) return
         instants = c_null_ptr
         if (present(t)) then
@@ -405,6 +418,7 @@ contains
         character(kind=c_char, len=:), allocatable, target :: word
         type(c_inverse_settings) :: settings
         type(c_ptr) :: turned                                  ! the attitudes; null: none
+        type(c_result) :: returned(size(results))
         character(kind=c_char, len=name_room + 1), target :: names(size(results))
         integer :: i
 
@@ -422,9 +436,16 @@ contains
         end do
         turned = c_null_ptr
         if (size(attitude) > 0) turned = c_loc(attitude)
-        code = c_inverse(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
-                         size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
-                         [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))], status)
+        returned = [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))]
+        if (size(attitude, 1) == 15) then
+            code = c_inverse_rotations(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
+                                       size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, &
+                                       size(results, kind=c_size_t), returned, status)
+        else
+            code = c_inverse(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
+                             size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
+                             returned, status)
+        end if
     end subroutine compute
 
     !> Where the moving links are, each sample on the assembly of the scene's start.

@@ -148,6 +148,13 @@ int linkdyn_compute_inverse_attitudes(linkdyn_scene *scene, const linkdyn_invers
                     size_t n_coordinate, const double *q, const double *qd, const double *qdd, size_t n_attitude, const double *attitude,
                     size_t n_load, const double *load, size_t n_result, const linkdyn_result *results, int *status);
 
+/* The same with attitudes as rotation matrices: rotation (n, n_attitude, 15) has of each of them the nine numbers of the matrix, row by row,
+ * that takes link axes to world axes (of ball joints the second marker's to the first's), then as above angular velocity and acceleration.
+ * A matrix that is no rotation to six digits is refused; where all nine are zero the angles count. */
+int linkdyn_compute_inverse_rotations(linkdyn_scene *scene, const linkdyn_inverse_settings *settings, size_t n, const double *t,
+                    size_t n_coordinate, const double *q, const double *qd, const double *qdd, size_t n_attitude, const double *rotation,
+                    size_t n_load, const double *load, size_t n_result, const linkdyn_result *results, int *status);
+
 /* Where the moving links are: origins (n, n_link, 3) [m] and axes (n, n_link, 3, 3): x, y and z axis of the link, one after the
  * other, in world axes. Each sample is on the assembly of the scene's start.  status: (n). */
 int linkdyn_find_poses(linkdyn_scene *scene, size_t n, size_t n_coordinate, const double *q, size_t n_link, double *position,

@@ -2,12 +2,12 @@
 !>
 !> The names in C are others than those of modules: in Fortran both are global, and gfortran would mix them up.
 module linkdyn_c_interface
-    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_null_char, &
-        c_null_ptr, c_ptr, c_size_t
+    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_intptr_t, c_loc, &
+        c_null_char, c_null_ptr, c_ptr, c_size_t
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_forward, only: forward_options, choose_method, method_gbs
     use linkdyn_handles, only: close_handle
-    use linkdyn_given_attitudes, only: take_attitudes, attitude_size
+    use linkdyn_given_attitudes, only: take_attitudes, attitudes_of_matrices, attitude_size, rotation_size
     use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
         check_count, check_finite
@@ -332,6 +332,41 @@ contains
             call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
         end subroutine turn_to_angles
     end function c_inverse_attitudes
+
+    !> With rotation matrices in place of quaternions.
+    integer(c_int) function c_inverse_rotations(handle, settings, n_sample, t, n_q, q, qd, qdd, n_attitude, rotation, n_load, &
+            load, n_result, results, sample_status) result(code) bind(c, name="linkdyn_compute_inverse_rotations")
+        integer(c_intptr_t), value :: handle
+        type(c_ptr), value :: settings
+        integer(c_size_t), value :: n_sample, n_q, n_attitude, n_load, n_result
+        type(c_ptr), value :: t, q, qd, qdd, rotation, load, results, sample_status
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer, contiguous :: rotation1(:), rotation3(:, :, :)
+        real(c_double), allocatable, target :: attitude(:, :, :)
+        type(c_ptr) :: turned
+        integer :: n
+
+        turned = c_null_ptr
+        call hold_texts()
+        call take_scene(handle, scene, status)
+        n = count_from("n", n_sample, status)
+        if (status%is_ok()) then
+            call check_width("attitude", n_attitude, scene%model%n_attitude, status)
+            call see("rotation", rotation, rotation_size*scene%model%n_attitude, n, rotation1, status)
+        end if
+        if (status%is_ok() .and. n_attitude > 0 .and. n > 0) then
+            allocate (attitude(attitude_size, scene%model%n_attitude, n))
+            rotation3(1:rotation_size, 1:scene%model%n_attitude, 1:n) => rotation1
+            call attitudes_of_matrices(scene%model, rotation3, attitude, status)
+            turned = c_loc(attitude)
+        end if
+        call leave_scene(handle, scene)
+        code = outcome(status)
+        if (code /= 0) return
+        code = c_inverse_attitudes(handle, settings, n_sample, t, n_q, q, qd, qdd, n_attitude, turned, n_load, load, n_result, &
+                                   results, sample_status)
+    end function c_inverse_rotations
 
     integer(c_int) function c_poses(handle, n_sample, n_q, q, n_link, position, axes, sample_status) result(code) &
         bind(c, name="linkdyn_find_poses")

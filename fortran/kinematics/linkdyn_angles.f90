@@ -4,8 +4,10 @@
 !> Where pitch is a right angle, at the pole, roll and yaw turn about one line: angles still tell the attitude, but their rates not
 !> every angular velocity, and near there they are large and take digits away. Whoever knows an attitude otherwise then goes by it.
 module linkdyn_angles
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
+    use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: matrix_of_angles, angles_of_matrix, matrix_of_quaternion, quaternion_of_matrix, find_rotation_fault, &
@@ -80,7 +82,8 @@ contains
     subroutine find_rotation_fault(r, fault)
         real(wp), intent(in) :: r(3, 3)
         character(len=:), allocatable, intent(out) :: fault
-        real(wp), parameter :: unit(3, 3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+        real(wp), parameter :: unit(3, 3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], &
+                                                    [3, 3])
         real(wp), parameter :: off = 1.0e-5_wp
         real(wp) :: most
 

@@ -6,11 +6,12 @@
 !> the rates is refused: nothing says whether the others are zero or were forgotten. Without times each sample is on its own,
 !> at 0, and a derivative that has no column is zero. An attitude, of a link or a ball joint, may be told by its quaternion, "q NAME.qw",
 !> .., "q NAME.qz", with "omega NAME.x", .. and "alpha NAME.x", .., angular velocity and acceleration, in place of its three angles
-!> and their rates. Results written
+!> and their rates, or by its rotation matrix, "q NAME.r11", "q NAME.r12", .., "q NAME.r33", row by row. Results written
 !> with `--csv` are such a file, and what one executable computed from them another one computes from exactly the same
 !> numbers: they are read as doubles, whatever the working precision.
 module linkdyn_states_file
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_angles, only: quaternion_of_matrix, find_rotation_fault
     use linkdyn_constants, only: two_pi
     use linkdyn_csv, only: read_csv
     use linkdyn_given_attitudes, only: attitude_name, take_attitudes, attitude_size
@@ -30,6 +31,7 @@ module linkdyn_states_file
     public :: states_type, read_states
 
     character, parameter :: axis_name(3) = ["x", "y", "z"]
+    character(len=3), parameter :: rotation_column(9) = ["r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33"]
 
     !> A batch of states.
     type :: states_type
@@ -58,16 +60,24 @@ contains
         call read_columns(model, model%scene, turned_attitudes(model, table), table, states, status)
     end subroutine read_states
 
-    !> The attitudes of which there is a quaternion.
+    !> The attitudes of which there is a quaternion or a rotation matrix.
     pure function turned_attitudes(model, table) result(is_turned)
         type(model_type), intent(in) :: model
         type(table_spec), intent(in) :: table
         logical :: is_turned(model%n_attitude)
-        integer :: i, k
+        integer :: i
 
-        is_turned = [(any([(any(table%column == "q "//trim(attitude_name(model, i))//"."//quaternion_column(k)), k=1, 4)]), &
+        is_turned = [(has_any(table, quaternion_columns(model, i)) .or. has_any(table, rotation_columns(model, i)), &
                       i=1, model%n_attitude)]
     end function turned_attitudes
+
+    pure logical function has_any(table, column)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: column(:)
+        integer :: k
+
+        has_any = any([(any(table%column == column(k)), k=1, size(column))])
+    end function has_any
 
     subroutine read_columns(model, scene, is_turned, table, states, status)
         type(model_type), intent(in) :: model
@@ -121,7 +131,7 @@ contains
         end do
     end function are_by_angle
 
-    !> Attitudes by their quaternions, as angles with their turns; what has to go by quaternions stays in `attitude`.
+    !> Attitudes by their quaternions or matrices, as angles with their turns; what has to go by quaternions stays in `attitude`.
     subroutine read_attitudes(model, is_turned, table, states, status)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_turned(:)
@@ -136,9 +146,11 @@ contains
         do i = 1, model%n_attitude
             if (.not. is_turned(i)) cycle
             name = trim(attitude_name(model, i))
-            do k = 1, 4
-                call take_column(table, "q "//name//"."//quaternion_column(k), .true., plain_number, p(:, k), status)
-            end do
+            if (has_any(table, rotation_columns(model, i))) then
+                call take_matrices(model, i, table, p, status)
+            else
+                call take_quaternions(model, i, table, p, status)
+            end if
             do k = 1, 3
                 call take_column(table, "omega "//name//"."//axis_name(k), .false., per_second(angle), &
                                  states%attitude(4 + k, i, :), status)
@@ -146,12 +158,6 @@ contains
                                  states%attitude(7 + k, i, :), status)
             end do
             if (.not. status%is_ok()) return
-            do k = 1, size(p, 1)
-                if (norm2(p(k, :)) > 0) cycle
-                call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(k))//": the quaternion of " &
-                          //quoted(name)//" is zero (expected one of any length but zero)")
-                return
-            end do
             states%attitude(:4, i, :) = transpose(p)
             if (states%has_spline_rates) call take_spline(i)
         end do
@@ -188,6 +194,54 @@ contains
         end subroutine take_spline
     end subroutine read_attitudes
 
+    !> The quaternions of an attitude, of any length but zero.
+    subroutine take_quaternions(model, i, table, p, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i                       !! attitude
+        type(table_spec), intent(in) :: table
+        real(wp), intent(out) :: p(:, :)               !! (row, 4)
+        type(status_type), intent(inout) :: status
+        character(len=name_len + 8) :: column(4)
+        integer :: k
+
+        column = quaternion_columns(model, i)
+        do k = 1, size(column)
+            call take_column(table, trim(column(k)), .true., plain_number, p(:, k), status)
+        end do
+        do k = 1, size(p, 1)
+            if (.not. status%is_ok()) return
+            if (.not. norm2(p(k, :)) > 0) call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(k)) &
+                //": the quaternion of "//quoted(trim(attitude_name(model, i)))//" is zero (expected one of any length but zero)")
+        end do
+    end subroutine take_quaternions
+
+    !> The quaternions of the rotations that are nearest to an attitude's matrices.
+    subroutine take_matrices(model, i, table, p, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i                       !! attitude
+        type(table_spec), intent(in) :: table
+        real(wp), intent(out) :: p(:, :)               !! (row, 4)
+        type(status_type), intent(inout) :: status
+        character(len=name_len + 8) :: column(9)
+        character(len=:), allocatable :: fault
+        real(wp) :: r(3, 3), element(size(p, 1), 9)
+        integer :: k
+
+        p = 0
+        column = rotation_columns(model, i)
+        do k = 1, size(column)
+            call take_column(table, trim(column(k)), .true., plain_number, element(:, k), status)
+        end do
+        do k = 1, size(p, 1)
+            if (.not. status%is_ok()) return
+            r = transpose(reshape(element(k, :), [3, 3]))
+            call find_rotation_fault(r, fault)
+            if (fault /= "") call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(k)) &
+                                       //": the rotation of "//quoted(trim(attitude_name(model, i)))//" "//fault)
+            p(k, :) = quaternion_of_matrix(r)
+        end do
+    end subroutine take_matrices
+
     !> A column that is meant for a state must not be passed over: without its times a motion is a row of poses at rest.
     subroutine refuse_misnamed(model, is_turned, by_angle, table, scene, status)
         type(model_type), intent(in) :: model
@@ -200,7 +254,11 @@ contains
 
         own = [character(len=name_len + 8) ::]
         do i = 1, size(is_turned)
-            if (is_turned(i)) own = [own, quaternion_columns(model, i), spin_columns(model, i)]
+            if (.not. is_turned(i)) cycle
+            own = [own, quaternion_columns(model, i), rotation_columns(model, i), spin_columns(model, i)]
+            if (has_any(table, quaternion_columns(model, i)) .and. has_any(table, rotation_columns(model, i))) &
+                call fail(status, status_bad_input, trim(table%file)//": "//quoted(trim(attitude_name(model, i))) &
+                          //" has columns of a quaternion and of a rotation matrix (expected one or the other)")
         end do
         do i = 1, size(table%column)
             if (any(own == table%column(i))) cycle
@@ -208,7 +266,8 @@ contains
                 blank = index(column, " ")
                 if (any(column(:blank) == ["omega", "alpha"])) then
                     call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": no attitude of that " &
-                              //"name is told by its quaternion (expected columns 'q NAME.qw' to 'q NAME.qz' beside it)")
+                              //"name is told by its quaternion or matrix (expected columns 'q NAME.qw' to 'q NAME.qz', or " &
+                              //"'q NAME.r11' to 'q NAME.r33', beside it)")
                 else if (all(column(:blank) /= ["q  ", "qd ", "qdd"])) then
                     if (all(table%column /= "time") .and. looks_like_time(column)) call fail(status, status_bad_input, &
                         trim(table%file)//": column "//quoted(column)//": instants are not called so (expected 'time')")
@@ -218,7 +277,7 @@ contains
                 else
                     k = findloc(scene%coordinate%name == adjustl(column(blank:)), .true., dim=1)
                     if (.not. by_angle(k)) call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column) &
-                        //": stands beside the quaternion of the same attitude (expected one or the other)")
+                        //": stands beside the quaternion or matrix of the same attitude (expected one or the other)")
                 end if
             end associate
             if (.not. status%is_ok()) return
@@ -275,6 +334,16 @@ contains
 
         column = [("q "//trim(attitude_name(model, attitude))//"."//quaternion_column(k), k=1, 4)]
     end function quaternion_columns
+
+    !> Of those that have its rotation matrix, row by row.
+    pure function rotation_columns(model, attitude) result(column)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: attitude
+        character(len=name_len + 8) :: column(9)
+        integer :: k
+
+        column = [("q "//trim(attitude_name(model, attitude))//"."//rotation_column(k), k=1, 9)]
+    end function rotation_columns
 
     !> Of those that have its angular velocity and acceleration.
     pure function spin_columns(model, attitude) result(column)
