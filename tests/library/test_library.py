@@ -127,6 +127,14 @@ def test_attitudes_as_quaternions(compiled: Compiled, tmp_path: Path) -> None:
     np.testing.assert_allclose(by_angle, expected[0], rtol=1e-5)
 
 
+def test_rotation_matrices_from_fortran(compiled: Compiled) -> None:
+    """The forces of the same angles, row by row; what mirrors is refused, with its sample."""
+    printed = compiled("gfortran", HERE / "attitudes.f90", "-Wall", "-Werror")(EXAMPLES / "stewart_tsai" / "scene.toml").splitlines()
+    assert float(printed[0]) < 1e-11
+    assert printed[1] == "sample 2 (the first is 0): the rotation of 'platform' mirrors (expected a rotation, whose determinant is 1)"
+    assert "10 or 15 numbers" in printed[2]
+
+
 def by_angles(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """Rx(roll) Ry(pitch) Rz(yaw)."""
     return rotation_of([roll, 0, 0]) @ rotation_of([0, pitch, 0]) @ rotation_of([0, 0, yaw])
