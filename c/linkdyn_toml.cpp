@@ -4,6 +4,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -61,6 +62,14 @@ int put_value(const void *handle, std::string_view key, Value value) {
         return 0;
     }
     return 1;
+}
+
+// A number in place of another: whole ones as integers, which are read wherever a float is, and for branches alone.
+template <class Put>
+int put_number(double value, Put put) {
+    constexpr double largest = 9007199254740992.0;    // 2^53: doubles up to here tell all integers apart
+    const bool is_whole = std::abs(value) <= largest && std::trunc(value) == value && !(value == 0 && std::signbit(value));
+    return is_whole ? put(static_cast<int64_t>(value)) : put(value);
 }
 
 // ---- reading
@@ -335,7 +344,9 @@ int64_t linkdyn_toml_text(const void *handle, char *text, int64_t text_len) {
 }
 
 int linkdyn_toml_put(const void *handle, const char *key, int key_len, double value) {
-    return put_value(handle, std::string_view(key, static_cast<size_t>(key_len)), value);
+    return put_number(value, [&](auto number) {
+        return put_value(handle, std::string_view(key, static_cast<size_t>(key_len)), number);
+    });
 }
 
 int linkdyn_toml_put_text(const void *handle, const char *key, int key_len, const char *text, int64_t text_len) {
@@ -346,12 +357,14 @@ int linkdyn_toml_put_text(const void *handle, const char *key, int key_len, cons
 int linkdyn_toml_put_at(const void *handle, int64_t index, double value) {
     auto *array = const_cast<toml::array *>(handle ? as_node(handle)->as_array() : nullptr);
     if (!array || index < 0 || index >= static_cast<int64_t>(array->size())) return 0;
-    try {
-        array->replace(array->cbegin() + index, value);
-    } catch (const std::bad_alloc &) {
-        return 0;
-    }
-    return 1;
+    return put_number(value, [&](auto number) {
+        try {
+            array->replace(array->cbegin() + index, number);
+        } catch (const std::bad_alloc &) {
+            return 0;
+        }
+        return 1;
+    });
 }
 
 void linkdyn_toml_take_out(void *handle, const char *key, int key_len) {

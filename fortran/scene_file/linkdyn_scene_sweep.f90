@@ -20,6 +20,7 @@ module linkdyn_scene_sweep
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, &
         quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_swing, &
         quantity_clearance, quantity_contact_force, quantity_pressure_angle
+    use linkdyn_sweep_totals, only: fixed_outcome
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
@@ -327,7 +328,7 @@ contains
     !> The values of an axis, in one of the forms of `sampling_name`.
     subroutine read_values(place, quantity, axis, status)
         type(scene_place), intent(in) :: place
-        type(quantity_type), intent(in) :: quantity
+        type(quantity_type), intent(inout) :: quantity
         type(axis_spec), intent(inout) :: axis
         type(status_type), intent(inout) :: status
         type(scene_place) :: inner
@@ -382,6 +383,9 @@ contains
             call get_integer(inner, "seed", n, status, axis%is_shifted)
             axis%seed = n
         end select
+        if (status%is_ok() .and. .not. abs(axis%to - axis%from) <= huge(axis%from)) call refuse_value(place, &
+            trim(sampling_name(axis%sampling)), node, "spans more than there are numbers for (expected ends less far apart)", &
+            status)
 
     contains
 
@@ -398,12 +402,12 @@ contains
         end subroutine need
     end subroutine read_values
 
-    !> A value of an axis; that of a parameter may have any unit of its dimension, if the file says which that is.
+    !> A value of an axis; that of a parameter may have any unit of its dimension, which the file says, or else its first value.
     subroutine value_of(place, key, node, quantity, axis, value, status)
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: key
         type(toml_node), intent(in) :: node
-        type(quantity_type), intent(in) :: quantity
+        type(quantity_type), intent(inout) :: quantity
         type(axis_spec), intent(in) :: axis
         real(wp), intent(inout) :: value
         type(status_type), intent(inout) :: status
@@ -421,9 +425,12 @@ contains
             else if (found%has_unit .and. quantity%name /= "" .and. any(found%power(:4) /= quantity%power(:4))) then
                 call refuse_value(place, key, node, "= "//quoted(text)//" is "//dimension_text(found%power)//" (expected "// &
                     trim(quantity%name)//")", status)
+            else if (found%has_unit) then
+                quantity%power = found%power
+                quantity%name = dimension_text(found%power)
             end if
         else
-            call quantity_of(place, key, node, quantity, value, status)
+            call quantity_of(place, key, node, merge(plain_number, quantity, axis%kind == axis_parameter), value, status)
         end if
     end subroutine value_of
 
@@ -466,6 +473,9 @@ contains
                     if (group(j) == group(i) .and. (group(i) /= "" .or. is_zip)) axis%group = spec%axis(j)%group
                     if (axis%kind /= axis_parameter .and. axis%name == spec%axis(j)%name) call refuse(place, "axis "// &
                         quoted(axis%name)//" is there twice (expected each once)", status, axis%line)
+                    if (replaces(axis, spec%axis(j))) call refuse(place, "axis "//quoted(axis%name)//" replaces what axis "// &
+                        quoted(spec%axis(j)%name)//" gives (expected one axis over it, or a factor or an offset behind a value)", &
+                        status, axis%line)
                 end do
                 if (axis%group == 0) then
                     spec%n_group = spec%n_group + 1
@@ -490,6 +500,21 @@ contains
             end associate
         end do
     end subroutine form_groups
+
+    !> Whether an axis puts its values where an earlier one, of another name perhaps, has put its own.
+    pure logical function replaces(axis, earlier)
+        type(axis_spec), intent(in) :: axis, earlier
+        integer :: k
+
+        replaces = axis%kind == earlier%kind
+        if (.not. replaces) return
+        if (axis%kind == axis_parameter) then
+            replaces = axis%operation == set_value .and. any([(any(earlier%parameter%path == axis%parameter(k)%path), &
+                                                               k=1, size(axis%parameter))])
+        else
+            replaces = axis%target == earlier%target .and. axis%component == earlier%component
+        end if
+    end function replaces
 
     ! ---------------------------------------------------------------- what is reduced and kept
 
@@ -773,7 +798,10 @@ contains
             to_text(bound%high)//" (expected no pose to be excluded by both)", status)
         call get_text(place, "name", name, status, has_name)
         bound%name = quantity_name(bound%quantity)
-        if (has_name) bound%name = name
+        if (.not. has_name .or. .not. status%is_ok()) return
+        bound%name = name
+        if (name == "" .or. any(fixed_outcome == name)) call refuse_value(place, "name", place%node%get("name"), &
+            "= "//quoted(name)//" (expected another name than those of other outcomes, "//join(fixed_outcome)//")", status)
     end subroutine read_bound
 
     !> The entries that `at` names, by label; all if it is absent. A joint stands for all its components.

@@ -7,7 +7,6 @@ module linkdyn_sweep_results
         add_reals, add_integers, add_texts, add_attribute, text_len
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_status, only: n_sample_status, sample_status_name
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_chunk, only: ready_design, look_at_samples
     use linkdyn_sweep_design, only: sweep_design, close_design
@@ -16,7 +15,7 @@ module linkdyn_sweep_results
     use linkdyn_sweep_quantities, only: quantity_type
     use linkdyn_sweep_spec, only: axis_coordinate, axis_parameter, quantity_name, quantity_force_amplification, &
         quantity_moment_amplification, quantity_determinant, sampling_name
-    use linkdyn_sweep_totals, only: code_no_model, first_bound
+    use linkdyn_sweep_totals, only: fixed_outcome, first_bound
     implicit none (type, external)
     private
     public :: sweep_dataset, kept_variables, code_names
@@ -160,11 +159,7 @@ contains
         integer :: i
 
         allocate (name(0:run%shape%n_code - 1))
-        do i = 0, n_sample_status - 1
-            name(i) = sample_status_name(i)
-        end do
-        name(0) = "feasible"
-        name(code_no_model) = "no_model"
+        name(:first_bound - 1) = fixed_outcome
         do i = 1, size(run%spec%bound)
             name(first_bound + i - 1) = run%spec%bound(i)%name
         end do

@@ -6,18 +6,20 @@ module linkdyn_sweep_totals
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
-    use linkdyn_status, only: n_sample_status
+    use linkdyn_status, only: n_sample_status, sample_status_name
     use linkdyn_value_rows, only: raise_extremes, add_moments, at_once
     implicit none (type, external)
     private
     public :: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals
     public :: pack_totals, unpack_totals, packed_size
-    public :: code_feasible, code_no_model, n_fixed_code, first_bound
+    public :: code_feasible, code_no_model, n_fixed_code, first_bound, fixed_outcome
 
     integer, parameter :: code_feasible = 0                    !! then the codes of failed samples
     integer, parameter :: code_no_model = n_sample_status      !! the design is no mechanism
     integer, parameter :: n_fixed_code = n_sample_status + 1
     integer, parameter :: first_bound = n_fixed_code           !! code of bound 1
+    character(len=13), parameter :: fixed_outcome(0:n_fixed_code - 1) = &
+        [character(len=13) :: "feasible", sample_status_name(1:), "no_model"]
 
     !> How much there is to reduce.
     type :: totals_shape

@@ -668,3 +668,14 @@ def test_coordinates_of_markers_and_controllers_have_paths():
         changed = scene.with_({path: 0.123})
         assert "0.123" in changed.text and "0.123" not in scene.text
         assert scene.sweep({"axis": [{"parameter": path, "as": "factor", "values": [1.0]}], "reduce": ["driving_force"]}).sizes["design"] == 1
+
+
+def test_whole_numbers_stay_whole():
+    """Branches are integers: 1.0 in their place made each design one that is no mechanism."""
+    scene = linkdyn.load(Path(__file__).resolve().parents[2] / "examples" / "fourbar" / "scene.toml")
+    axes = [{"parameter": "joint.J3.branch", "values": [-1, 1, 0.5, 1]}, {"coordinate": "J1", "linspace": [0.3, 0.7, 3]}]
+    run = scene.sweep({"axis": axes, "keep": ["driving_force"]})
+    expected = [scene.with_({"joint.J3.branch": branch}).inverse(q=np.linspace(0.3, 0.7, 3)[:, np.newaxis]).driving_force.values
+                for branch in (-1, 1)]
+    assert np.array_equal(run.outcome_count.sel(outcome="no_model"), [0, 0, 3, 0])
+    np.testing.assert_allclose(run.driving_force.values.reshape(4, 3, 1)[[0, 1, 3]], [*expected, expected[1]], rtol=1e-12)
