@@ -24,7 +24,7 @@ module linkdyn_generate
     use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
-    use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, n_clutch, has_hard_stops
+    use linkdyn_scene, only: scene_type, axes_link, drive_inverse, law_none, side_joint, n_stop, n_clutch, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join
     implicit none (type, external)
@@ -126,10 +126,11 @@ contains
         type(status_type), intent(inout) :: status
         type(controller_code) :: code
         type(unknown_choice) :: unknown
+        integer :: law
 
-        if (size(model%scene%laws%law) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
-            "no code can be generated: "//trim(model%scene%laws%law(1)%name)//" follows the state of the mechanism "// &
-            "(expected forces of time, or the kernel kinematics)")
+        law = acting_law(model%scene, wish%kernel)
+        if (law > 0) call fail(status, status_bad_input, "no code can be generated: "//trim(model%scene%laws%law(law)%name)// &
+            " follows the state of the mechanism (expected forces of time, or the kernel kinematics)")
         if (model%scene%base%moves .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: the frame of the scene moves (expected a frame at rest, or the kernel kinematics)")
         if (any(payload_is_input(model)) .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
@@ -161,6 +162,24 @@ contains
         end if
         call release_texts()
     end subroutine generate_code
+
+    !> The first law over the state that a kernel would have to follow; 0: none. Inverse dynamics does without those of
+    !> actuators, whose forces it finds, and those of events and controllers: they act in forward runs alone.
+    pure integer function acting_law(scene, kernel) result(law)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: kernel                  !! `kernel_*`
+        integer, allocatable :: of_force(:)
+        integer :: i
+
+        law = 0
+        if (kernel == kernel_kinematics .or. size(scene%laws%law) == 0) return
+        law = 1
+        if (kernel == kernel_forward .or. n_stop(scene) + n_clutch(scene) > 0) return
+        of_force = [(scene%load(i)%force%law, scene%load(i)%moment%law, i=1, size(scene%load)), scene%spring%force%law]
+        law = 0
+        i = findloc(of_force > 0, .true., dim=1)
+        if (i > 0) law = of_force(i)
+    end function acting_law
 
     !> The kernels, and what goes into them.
     subroutine trace_kernels(model, wish, unknown, code, status)

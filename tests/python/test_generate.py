@@ -120,7 +120,7 @@ def scene_of(name: str) -> linkdyn.Scene:
 
 
 INVERSE = ["stewart_tsai", "stewart_drilling", "fourbar", "watt_i", "stephenson_iii", "sixbar_slider/scene_inclined.toml", "andrews",
-           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml", "planetary_gearbox"]
+           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml", "planetary_gearbox", "hoist"]
 
 
 @pytest.mark.accuracy
@@ -536,6 +536,10 @@ def test_refused_scenes() -> None:
         load("flyball_governor").generate("inverse")
     with pytest.raises(linkdyn.InputError, match="links 'housing', 'spindle', 'arm' are placed with too few digits .* threads whose lead is small"):
         load("screw_lift").generate("inverse")
+    for name, kernel, law in [("four_stroke", "inverse", "load on 'piston.pin', force"), ("toggle_clamp", "inverse", "stop 'mould'"),
+                              ("hoist", "forward", "actuator 'drum', law, value")]:
+        with pytest.raises(linkdyn.InputError, match=f"no code can be generated: {law} follows the state"):
+            load(name).generate(kernel)
 
 
 @pytest.mark.parametrize(("words", "message"), [
