@@ -808,6 +808,15 @@ def test_what_urdf_has_no_place_for(tmp_path):
     }  # fmt: skip
 
 
+def test_names_that_a_scene_does_not_take_are_told(tmp_path):
+    """Bodies were, joints were not: what drives them and their results bear the new name."""
+    path = tmp_path / "odd.urdf"
+    path.write_text(LOST.replace('"R"', '"rotor joint #1"').replace('"a"', '"an arm"'))
+    found = linkdyn.convert(path)
+    assert {"body 'an arm': it is called 'an_arm'", "joint 'rotor joint #1': it is called 'rotor_joint__1'"} <= set(found.left_out)
+    assert {"A", "rotor_joint__1"} <= {joint["name"] for joint in found.builder.to_dict()["joint"]}
+
+
 def test_joints_that_close_loops_in_urdf(tmp_path):
     """Their damping, motors and ranges count: driven there the four-bar asks for what its crank takes, by power."""
     extra = '<dynamics damping="0.7"/><limit lower="-1" upper="2"/></joint><transmission><joint name="C"/></transmission>'

@@ -265,6 +265,8 @@ class SceneMaker:
                 n = sum(joint.n_dof for joint in group.joints)
                 in_parent = (body.position, body.rotation) if k == 0 else (zeros(), np.eye(3))
                 name = self.joint_names.new(group.name, "J")
+                if group.name not in ("", name):
+                    self.left_out.append(f"joint '{group.name[:NAME_LENGTH]}': it is called '{name}'")
                 self._add_joint(name, group, chain[k], chain[k + 1], in_parent, self.moved[first : first + n])
                 self._add_spring(name, group)
                 first += n
