@@ -134,28 +134,6 @@ module linkdyn
             real(c_double), intent(inout) :: q(*), qd(*), qdd(*), load(*)
         end function c_motion
 
-        integer(c_int) function c_inverse(scene, settings, n, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, load, n_result, &
-                results, status) bind(c, name="linkdyn_compute_inverse_attitudes")
-            import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
-            type(c_ptr), value :: scene, t, attitude
-            type(c_inverse_settings), intent(in) :: settings
-            integer(c_size_t), value :: n, n_q, n_attitude, n_load, n_result
-            real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
-            type(c_result), intent(in) :: results(*)
-            integer(c_int), intent(inout) :: status(*)
-        end function c_inverse
-
-        integer(c_int) function c_inverse_rotations(scene, settings, n, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, load, &
-                n_result, results, status) bind(c, name="linkdyn_compute_inverse_rotations")
-            import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
-            type(c_ptr), value :: scene, t, attitude
-            type(c_inverse_settings), intent(in) :: settings
-            integer(c_size_t), value :: n, n_q, n_attitude, n_load, n_result
-            real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
-            type(c_result), intent(in) :: results(*)
-            integer(c_int), intent(inout) :: status(*)
-        end function c_inverse_rotations
-
         integer(c_int) function c_poses(scene, n, n_q, q, n_link, position, axes, status) bind(c, name="linkdyn_find_poses")
             import :: c_double, c_int, c_ptr, c_size_t
             type(c_ptr), value :: scene
@@ -218,6 +196,23 @@ module linkdyn
             type(c_ptr), value :: text
         end function c_length
     end interface
+
+    abstract interface
+        !> Inverse dynamics with attitudes in one form or another.
+        integer(c_int) function c_inverse_form(scene, settings, n, t, n_q, q, qd, qdd, n_attitude, attitude, n_load, load, &
+                n_result, results, status) bind(c)
+            import :: c_double, c_int, c_inverse_settings, c_ptr, c_result, c_size_t
+            type(c_ptr), value :: scene, t, attitude
+            type(c_inverse_settings), intent(in) :: settings
+            integer(c_size_t), value :: n, n_q, n_attitude, n_load, n_result
+            real(c_double), intent(in) :: q(*), qd(*), qdd(*), load(*)
+            type(c_result), intent(in) :: results(*)
+            integer(c_int), intent(inout) :: status(*)
+        end function c_inverse_form
+    end interface
+
+    procedure(c_inverse_form), bind(c, name="linkdyn_compute_inverse_attitudes") :: c_inverse
+    procedure(c_inverse_form), bind(c, name="linkdyn_compute_inverse_rotations") :: c_inverse_rotations
 
 contains
 
@@ -418,7 +413,7 @@ contains
         character(kind=c_char, len=:), allocatable, target :: word
         type(c_inverse_settings) :: settings
         type(c_ptr) :: turned                                  ! the attitudes; null: none
-        type(c_result) :: returned(size(results))
+        procedure(c_inverse_form), pointer :: run
         character(kind=c_char, len=name_room + 1), target :: names(size(results))
         integer :: i
 
@@ -436,16 +431,11 @@ contains
         end do
         turned = c_null_ptr
         if (size(attitude) > 0) turned = c_loc(attitude)
-        returned = [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))]
-        if (size(attitude, 1) == 15) then
-            code = c_inverse_rotations(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
-                                       size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, &
-                                       size(results, kind=c_size_t), returned, status)
-        else
-            code = c_inverse(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
-                             size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
-                             returned, status)
-        end if
+        run => c_inverse
+        if (size(attitude, 1) == 15) run => c_inverse_rotations
+        code = run(self%handle, settings, size(q, 2, c_size_t), t, size(q, 1, c_size_t), q, qd, qdd, &
+                   size(attitude, 2, c_size_t), turned, size(load, 2, c_size_t), load, size(results, kind=c_size_t), &
+                   [(c_result(c_loc(names(i)), results(i)%values, results(i)%size), i=1, size(results))], status)
     end subroutine compute
 
     !> Where the moving links are, each sample on the assembly of the scene's start.

@@ -4,7 +4,6 @@ module linkdyn_builder
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: list_contacts
-    use linkdyn_cross, only: cross
     use linkdyn_gear_fit, only: gears_fit, settle_phases
     use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
@@ -26,8 +25,8 @@ module linkdyn_builder
     use linkdyn_planner, only: plan_steps
     use linkdyn_preloads, only: refuse_idle_preloads
     use linkdyn_release, only: release_joints, is_released_alike, release_alike
-    use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, joint_n_variable, &
-        joint_prismatic, frame_link, n_holding
+    use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, marker_frame, hold_spec, law_spec, &
+        joint_n_variable, joint_prismatic, frame_link, n_holding
     use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -472,15 +471,13 @@ contains
         end if
     end subroutine lay_in_plane
 
-    !> A marker's point and its frame: z along the axis, x as given, y completing it.
+    !> A marker's point and its frame.
     subroutine take_marker(marker, point, frame)
         type(marker_spec), intent(in) :: marker
         real(wp), intent(out) :: point(3), frame(3, 3)
 
         point = marker%at
-        frame(:, 1) = marker%x_axis
-        frame(:, 2) = cross(marker%axis, marker%x_axis)
-        frame(:, 3) = marker%axis
+        frame = marker_frame(marker)
     end subroutine take_marker
 
     !> Which joints a link has, so that nobody need search for them. Gears hold nothing: they are not among them.

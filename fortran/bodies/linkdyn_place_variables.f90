@@ -7,7 +7,7 @@ module linkdyn_place_variables
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
-        measure_twist, marker_at, marker_axis_at, marker_axes_at
+        measure_twist, marker_at, marker_axes_at
     use linkdyn_kinds, only: wp
     use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, reciprocal
     use linkdyn_vector, only: vector, rotation, vector_of, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -24,7 +24,7 @@ contains
         type(measure_spec), intent(in) :: spec         !! one of a place
         type(value) :: number
         type(value) :: angle(3)
-        type(vector) :: gap, axis(2), normal
+        type(vector) :: gap, normal
         type(rotation) :: axes(2)
 
         select case (spec%kind)
@@ -36,9 +36,9 @@ contains
             gap = place_gap(mechanism, spec)
             number = sqrt(gap.dot.gap)
         case (measure_tilt)
-            axis = axes_of(mechanism, spec)
-            normal = axis(1) .cross.axis(2)
-            number = atan2(sqrt(normal.dot.normal), axis(1) .dot.axis(2))
+            axes = marker_axes(mechanism, spec)
+            normal = axes(1)%z .cross.axes(2)%z
+            number = atan2(sqrt(normal.dot.normal), axes(1)%z .dot.axes(2)%z)
         case (measure_twist)
             axes = marker_axes(mechanism, spec)
             number = near(atan2((axes(2)%x .dot.axes(1)%y) - (axes(2)%y .dot.axes(1)%x), &
@@ -95,34 +95,7 @@ contains
         end associate
     end function place_rate
 
-    !> The axes of a tilt or a twist, world axes.
-    function axes_of(mechanism, spec) result(axis)
-        type(mechanism_type), intent(in) :: mechanism
-        type(measure_spec), intent(in) :: spec
-        type(vector) :: axis(2)
-        integer :: side
-
-        do side = 1, 2
-            associate (link => spec%link(side))
-                axis(side) = scene_rotation(mechanism, link) &
-                             .rotate.vector_of(marker_axis_at(mechanism%model%scene, link, spec%marker(side)))
-            end associate
-        end do
-    end function axes_of
-
-    !> About which the second link of a tilt turns away from the first; none where the axes are parallel.
-    function tilt_direction(mechanism, spec) result(direction)
-        type(mechanism_type), intent(in) :: mechanism
-        type(measure_spec), intent(in) :: spec
-        type(vector) :: direction
-        type(vector) :: axis(2)
-
-        axis = axes_of(mechanism, spec)
-        direction = axis(1) .cross.axis(2)
-        direction = reciprocal(max(sqrt(direction.dot.direction), constant(sqrt(tiny(1.0_wp)))))*direction
-    end function tilt_direction
-
-    !> The axes x, y and z of the markers of a twist.
+    !> The axes x, y and z of the markers of a tilt or a twist, world axes.
     function marker_axes(mechanism, spec) result(axes)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -138,16 +111,28 @@ contains
         end do
     end function marker_axes
 
+    !> About which the second link of a tilt turns away from the first; none where the axes are parallel.
+    function tilt_direction(mechanism, spec) result(direction)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: direction
+        type(rotation) :: axes(2)
+
+        axes = marker_axes(mechanism, spec)
+        direction = axes(1)%z .cross.axes(2)%z
+        direction = reciprocal(max(sqrt(direction.dot.direction), constant(sqrt(tiny(1.0_wp)))))*direction
+    end function tilt_direction
+
     !> Along which an angular velocity twists: halfway between the axes, the longer the more they are tilted. None where they are
     !> opposite.
     function twist_direction(mechanism, spec) result(direction)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
         type(vector) :: direction
-        type(vector) :: axis(2)
+        type(rotation) :: axes(2)
 
-        axis = axes_of(mechanism, spec)
-        direction = reciprocal(constant(1.0_wp) + (axis(1) .dot.axis(2)))*(axis(1) + axis(2))
+        axes = marker_axes(mechanism, spec)
+        direction = reciprocal(constant(1.0_wp) + (axes(1)%z .dot.axes(2)%z))*(axes(1)%z + axes(2)%z)
     end function twist_direction
 
     !> One of the two points of a measure, in its link's own axes: the origin of the link that sees, or a marker.

@@ -15,8 +15,6 @@ module linkdyn_whole_turns
     integer, parameter :: width = 30
     !> Turns whose products with a piece are exact in double precision.
     real(wp), parameter :: most = 2.0_wp**22
-    !> Less than half a turn [rad].
-    real(wp), parameter :: surely_none = 3
 
 contains
 
@@ -30,6 +28,7 @@ contains
     !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call.
     elemental real(wp) function nearest_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
+        real(wp), parameter :: surely_none = 3    ! less than half a turn
 
         turns = 0
         ! written so that no number has no turns
@@ -40,10 +39,9 @@ contains
     !> (-pi, pi], but for rounding.
     elemental real(wp) function told_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
-        real(wp), parameter :: rounding = 256*epsilon(1.0_wp)     ! of angles by way of some links, in turns
+        real(wp), parameter :: rounding = 256*epsilon(1.0_wp)*two_pi     ! of angles by way of some links
 
-        turns = 0
-        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi - rounding)
+        turns = nearest_turns(angle - rounding)
     end function told_turns
 
     !> Has an angle so many turns that rounding leaves less than half of the digits of its rest?

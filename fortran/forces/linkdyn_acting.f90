@@ -108,15 +108,8 @@ contains
         case (measure_distance)
             gap = place_gap(mechanism, spec)
             acting = between_links(mechanism, spec, (effort*reciprocal(sqrt(gap.dot.gap)))*gap, zero_vector())
-        case (measure_tilt)
-            push = effort*tilt_direction(mechanism, spec)
-            acting = between_links(mechanism, spec, zero_vector(), push)
-        case (measure_twist)
-            push = effort*twist_direction(mechanism, spec)
-            acting = between_links(mechanism, spec, zero_vector(), push)
         case default
-            push = effort*attitude_gradient(mechanism, spec)
-            acting = between_links(mechanism, spec, zero_vector(), push)
+            acting = between_links(mechanism, spec, zero_vector(), effort*angle_gradient(mechanism, spec))
         end select
     end function at_place
 
@@ -140,7 +133,23 @@ contains
         end associate
     end function between_links
 
-    !> How the rate of an attitude's angle changes with the angular velocity: the moment of a unit effort, world axes.
+    !> How the rate of an angle between links changes with the angular velocity: the moment of a unit effort, world axes.
+    function angle_gradient(mechanism, spec) result(gradient)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: gradient
+
+        select case (spec%kind)
+        case (measure_tilt)
+            gradient = tilt_direction(mechanism, spec)
+        case (measure_twist)
+            gradient = twist_direction(mechanism, spec)
+        case default
+            gradient = attitude_gradient(mechanism, spec)
+        end select
+    end function angle_gradient
+
+    !> The same of one of an attitude's angles.
     function attitude_gradient(mechanism, spec) result(gradient)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec

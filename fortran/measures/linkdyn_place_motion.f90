@@ -19,6 +19,7 @@ module linkdyn_place_motion
         marker_axes_at
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
+    use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
     public :: place_value, place_rate
@@ -61,7 +62,7 @@ contains
         elemental real(wp) function near(angle)
             real(wp), intent(in) :: angle
 
-            near = angle + two_pi*anint((spec%near - angle)/two_pi)
+            near = angle - two_pi*nearest_turns(angle - spec%near)
         end function near
     end function place_value
 

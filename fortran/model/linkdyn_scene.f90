@@ -28,7 +28,7 @@ module linkdyn_scene
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table, law_over
-    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at
+    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at, marker_frame
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
         measure_tilt, measure_twist, &
@@ -694,14 +694,22 @@ contains
         integer, intent(in) :: link, marker
         real(wp) :: axes(3, 3)
 
-        axes(:, 3) = marker_axis_at(scene, link, marker)
         if (link == frame_link) then
-            axes(:, 1) = scene%frame%marker(marker)%x_axis
+            axes = marker_frame(scene%frame%marker(marker))
         else
-            axes(:, 1) = scene%link(link)%marker(marker)%x_axis
+            axes = marker_frame(scene%link(link)%marker(marker))
         end if
-        axes(:, 2) = cross(axes(:, 3), axes(:, 1))
     end function marker_axes_at
+
+    !> A marker's frame in columns: z along the axis, x as given, y completing it.
+    pure function marker_frame(marker) result(frame)
+        type(marker_spec), intent(in) :: marker
+        real(wp) :: frame(3, 3)
+
+        frame(:, 1) = marker%x_axis
+        frame(:, 2) = cross(marker%axis, marker%x_axis)
+        frame(:, 3) = marker%axis
+    end function marker_frame
 
     !> Its axis, likewise: a unit vector.
     pure function marker_axis_at(scene, link, marker) result(axis)

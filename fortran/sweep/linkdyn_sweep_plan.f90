@@ -141,47 +141,37 @@ contains
 
         run = 1                                            ! samples at one place of the group
         do g = size(plan%group), 1, -1
-            call walk_along(plan%group(g)%n, run, first, n, place(:, g))
-            do i = 1, size(plan%group(g)%axis)
-                associate (axis => plan%axis(plan%group(g)%axis(i)), column => value(:, plan%group(g)%axis(i)))
-                    if (allocated(axis%table) .and. run >= long_run) then
-                        call stay_along(axis%table, run, first, n, place(:, g), column)
-                    else if (allocated(axis%table)) then
-                        column(:n) = axis%table(place(:n, g) + 1)
-                    else
-                        do s = 1, n
-                            column(s) = axis_value(axis, place(s, g))
-                        end do
-                    end if
-                end associate
-            end do
+            if (run >= long_run) then
+                call stay_along(plan%group(g), plan%axis, run, first, n, place(:, g), value)
+            else
+                call walk_along(plan%group(g)%n, run, first, place(:n, g))
+                do i = 1, size(plan%group(g)%axis)
+                    associate (axis => plan%axis(plan%group(g)%axis(i)), column => value(:, plan%group(g)%axis(i)))
+                        if (allocated(axis%table)) then
+                            column(:n) = axis%table(place(:n, g) + 1)
+                        else
+                            do s = 1, n
+                                column(s) = axis_value(axis, place(s, g))
+                            end do
+                        end if
+                    end associate
+                end do
+            end if
             run = run*plan%group(g)%n
         end do
     end subroutine axis_columns
 
     !> Places of samples along a group of n values that stays at each for a run of samples.
-    pure subroutine walk_along(n, run, first, n_sample, place)
+    pure subroutine walk_along(n, run, first, place)
         integer(int64), intent(in) :: n, run
         integer(int64), intent(in) :: first                !! sample, from 0
-        integer, intent(in) :: n_sample
-        integer(int64), intent(inout) :: place(*)          !! from 0 (sample)
+        integer(int64), contiguous, intent(inout) :: place(:)      !! from 0 (sample)
         integer(int64) :: here, left
-        integer :: s, last
+        integer :: s
 
         here = modulo(first/run, n)
         left = run - modulo(first, run)                    ! samples until the next place
-        if (run >= long_run) then
-            last = 0
-            do while (last < n_sample)
-                s = last + 1
-                last = int(min(int(n_sample, int64), last + left))
-                place(s:last) = here
-                left = run
-                here = merge(0_int64, here + 1, here + 1 == n)
-            end do
-            return
-        end if
-        do s = 1, n_sample
+        do s = 1, size(place)
             place(s) = here
             left = left - 1
             if (left > 0) cycle
@@ -190,23 +180,36 @@ contains
         end do
     end subroutine walk_along
 
-    !> Values of an axis that stays at each place for a long run of samples.
-    pure subroutine stay_along(table, run, first, n_sample, place, column)
-        real(wp), intent(in) :: table(0:)
-        integer(int64), intent(in) :: run, first
+    !> The same of long runs, with the values of the group's axes, each found and filled in once a run.
+    pure subroutine stay_along(group, axes, run, first, n_sample, place, value)
+        type(group_type), intent(in) :: group
+        type(axis_type), intent(in) :: axes(:)
+        integer(int64), intent(in) :: run
+        integer(int64), intent(in) :: first                !! sample, from 0
         integer, intent(in) :: n_sample
-        integer(int64), intent(in) :: place(*)             !! from 0 (sample)
-        real(wp), intent(inout) :: column(*)               !! (sample)
-        integer(int64) :: left
-        integer :: s, last
+        integer(int64), contiguous, intent(inout) :: place(:)      !! from 0 (sample)
+        real(wp), contiguous, intent(inout) :: value(:, :)         !! (sample, axis)
+        integer(int64) :: here, left
+        integer :: i, s, last
 
-        left = run - modulo(first, run)
+        here = modulo(first/run, group%n)
+        left = run - modulo(first, run)                    ! samples until the next place
         last = 0
         do while (last < n_sample)
             s = last + 1
             last = int(min(int(n_sample, int64), last + left))
-            column(s:last) = table(place(s))
+            place(s:last) = here
+            do i = 1, size(group%axis)
+                associate (axis => axes(group%axis(i)))
+                    if (allocated(axis%table)) then
+                        value(s:last, group%axis(i)) = axis%table(here + 1)
+                    else
+                        value(s:last, group%axis(i)) = axis_value(axis, here)
+                    end if
+                end associate
+            end do
             left = run
+            here = merge(0_int64, here + 1, here + 1 == group%n)
         end do
     end subroutine stay_along
 

@@ -307,3 +307,24 @@ def test_a_twist_in_the_plane_is_refused() -> None:
     }  # fmt: skip
     with pytest.raises(linkdyn.SceneError, match="is for spatial scenes"):
         linkdyn.Scene(data)
+
+
+def test_designs_that_turn_a_key_are_designs_of_their_own() -> None:
+    """Only the marker's x differs between them."""
+    data = hung({}, joint=[{"name": "B", "type": "universal", "between": ["frame.B", "top.B"]}], variables={"turned": 0.1})
+    data["frame"]["markers"] |= {"B": {"at": [0, 0, 0], "axis": [1, 0, 0], "x": [0, 0, 1]}, "key": {"at": [0, 0, 0], "axis": [0, 0, 1], "x": ["cos(turned)", "sin(turned)", 0]}}
+    data["link"][0]["markers"] |= {"B": {"at": [0, 0, 0], "axis": [0, 1, 0], "x": [0, 0, 1]}, "key": {"at": [0, 0, 0], "axis": [0, 0, 1], "x": [1, 0, 0]}}
+    drives = [{"joint": "B", "variable": name} for name in ("angle1", "angle2")]
+    data |= {"measures": {"twist": {"twist": ["frame.key", "top.key"]}}, "coordinate": drives, "actuator": drives,
+             "load": [{"on": "top.B", "axes": "world", "moment": ["5 N*m/rad*twist", 0, 0]}]}  # fmt: skip
+    scene, turns = linkdyn.Scene(data), [0.1, 0.4, 0.9]
+    q = np.column_stack([np.linspace(0.1, 0.3, 400), np.full(400, 0.2)])
+    sweep = scene.sweep({"axis": [{"parameter": "variables.turned", "values": turns}, {"coordinate": "B.angle1", "linspace": [0.1, 0.3, 400]},
+                                  {"coordinate": "B.angle2", "values": [0.2]}], "keep": ["driving_force"]})  # fmt: skip
+    told = sweep.driving_force.values.reshape(3, 400, 2)
+    for turn, of_design in zip(turns, told, strict=True):
+        anew = linkdyn.Scene(data | {"variables": {"turned": turn}}).inverse(q=q, qd=0 * q, qdd=0 * q).driving_force.values
+        varied = scene.with_({"variables.turned": turn}).inverse(q=q, qd=0 * q, qdd=0 * q).driving_force.values
+        np.testing.assert_allclose(of_design, anew, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(varied, anew, rtol=0, atol=1e-12)
+    assert np.abs(told[1] - told[0]).max() > 1
