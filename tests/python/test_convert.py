@@ -612,7 +612,7 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     found = linkdyn.convert(fourbar(tmp_path, BY_FRAMES), folder=tmp_path)
     told = "\n".join(found.left_out)
     for words_told in (
-        "joint 'A': range -1 to 1 rad", "joint 'A': friction 0.1", "joint 'D': it mimics 'A' (a loop leads it)", "mesh 'meshes/crank.STL' (a second one, not in the link's axes)",
+        "joint 'A': range -1 to 1 rad", "joint 'A': friction 0.1", "joint 'D': it follows 'A' (a loop leads it)", "mesh 'meshes/crank.STL' (a second one, not in the link's axes)",
         "mesh 'meshes/crank.dae' (a second one, no STL, the file is not there)", "link 'base': a picture that is no mesh", "1 collision shape(s)", "1 element(s) 'gazebo'",
         "frames 'closing_C_1' and '_2' are a revolute joint",
     ):  # fmt: skip
@@ -718,7 +718,7 @@ def test_joints_that_mimic_in_urdf(name, tmp_path):
     path = tmp_path / "mimic.urdf"
     path.write_text(MIMIC.format(*MIMICS[name]))
     found = linkdyn.convert(path)
-    assert any(f"joint 'B': it mimics 'A' by {MIMICS[name][-1]}" in line for line in found.left_out), found.left_out
+    assert any(f"joint 'B': it follows 'A' by {MIMICS[name][-1]}" in line for line in found.left_out), found.left_out
     scene = found.scene()
     assert scene.coordinates == ("A", "C") and scene.actuators == ("A", "C")
     rng = np.random.default_rng(3)
@@ -744,7 +744,7 @@ def test_links_that_mimic_what_they_carry(of_b, of_c, ratio, told, tmp_path):
     path = tmp_path / "mimic.urdf"
     path.write_text(text)
     found = linkdyn.convert(path)
-    assert f"joint 'B': it mimics 'C' by {told}, whose forces joints carry, too" in found.left_out
+    assert f"joint 'B': it follows 'C' by {told}, whose forces joints carry, too" in found.left_out
     scene = found.scene()
     assert scene.coordinates == ("A", "C")
     rng = np.random.default_rng(4)
@@ -770,10 +770,10 @@ def test_fingers_that_mimic_in_turn(tmp_path):
 
 
 @pytest.mark.parametrize(("mimic", "of_axis", "parent", "told"), [
-    ('joint="A" multiplier="0"', "0 0 1", "base", "it mimics 'A' (its multiplier is 0)"),
-    ('joint="A"', "0 1 1", "base", "it mimics 'A' (a slide that is not square to a hinge)"),
-    ('joint="A"', "1 0 0", "far", "it mimics 'A' (no link holds both joints: a gear, or links that do it, say it)"),
-    ('joint="base"', "1 0 0", "base", "it mimics 'base' (both have to be hinges or slides of the tree)"),
+    ('joint="A" multiplier="0"', "0 0 1", "base", "it follows 'A' (its multiplier is 0)"),
+    ('joint="A"', "0 1 1", "base", "it follows 'A' (a slide that is not square to a hinge)"),
+    ('joint="A"', "1 0 0", "far", "it follows 'A' (no link holds both joints: a gear, or links that do it, say it)"),
+    ('joint="base"', "1 0 0", "base", "it follows 'base' (both have to be hinges or slides of the tree)"),
 ])
 def test_mimics_that_urdf_leaves_out(mimic, of_axis, parent, told, tmp_path):
     """What cannot be had is told, and the joint leads."""
@@ -785,6 +785,62 @@ def test_mimics_that_urdf_leaves_out(mimic, of_axis, parent, told, tmp_path):
     found = linkdyn.convert(path)
     assert f"joint 'B': {told}" in found.left_out
     assert "B" in found.scene().coordinates
+
+
+PAIR = """
+<mujoco><compiler angle="radian"/><option gravity="1 2 -9"/><worldbody>
+  <body name="a" pos="0.1 0 0.2" euler="0.2 0 0.1"><joint name="A" type="{0}" axis="{1}" ref="0.3"/><geom size="0.1" pos="0.1 0.2 0"/></body>
+  <body name="b" pos="0.1 0.5 0.2" euler="0.2 0 0.1"><joint name="B" type="{2}" axis="{3}" ref="-0.2"/><geom size="0.15" pos="0.2 0.1 0"/>
+    <body name="c" pos="0.3 0 0.1"><joint name="C" axis="1 0 1"/><geom size="0.1" pos="0 0.2 0"/></body></body>
+</worldbody><equality><joint name="pair" joint1="B" joint2="A" polycoef="{4}"/></equality></mujoco>
+"""
+
+
+@pytest.mark.parametrize("kinds", [
+    ("hinge", "0 0 1", "hinge", "0 0 1"), ("hinge", "0 0 1", "hinge", "1 0 1"), ("hinge", "0 0 1", "slide", "1 2 0"), ("slide", "1 0 0", "hinge", "0 1 0"),
+    ("slide", "1 0 0", "slide", "1 1 0"),
+], ids=lambda kinds: f"{kinds[0]}-{kinds[2]}")  # fmt: skip
+def test_joints_that_follow_in_mjcf(kinds, tmp_path):
+    """Driving forces by mj_inverse: the follower's at the leader, by the ratio. References and the offset are off zero."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    path = tmp_path / "pair.xml"
+    path.write_text(PAIR.format(*kinds, "0.15 -0.7 0 0 0"))
+    found = linkdyn.convert(path)
+    assert any("joint 'B': it follows 'A' by" in line for line in found.left_out), found.left_out
+    scene = found.scene()
+    assert scene.coordinates == ("A", "C")
+    rng = np.random.default_rng(5)
+    q, qd, qdd = rng.uniform(-0.5, 0.5, (6, 2)), rng.uniform(-3, 3, (6, 2)), rng.uniform(-5, 5, (6, 2))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY) | int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    expected = []
+    for place, rate, acceleration in zip(q, qd, qdd):
+        data.qpos[:] = place[0], -0.2 + 0.15 - 0.7 * (place[0] - 0.3), place[1]
+        data.qvel[:], data.qacc[:] = (np.array([x[0], -0.7 * x[0], x[1]]) for x in (rate, acceleration))
+        mujoco.mj_inverse(model, data)
+        expected.append([data.qfrc_inverse[0] - 0.7 * data.qfrc_inverse[1], data.qfrc_inverse[2]])
+    run = scene.inverse(q, qd, qdd)
+    assert (run.status == 0).all()
+    np.testing.assert_allclose(run.driving_force.sel(actuator=["A", "C"]), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    follower = run.joint_variable.sel(variable="B.angle" if kinds[2] == "hinge" else "B.slide")
+    np.testing.assert_allclose(follower, -0.2 + 0.15 - 0.7 * (q[:, 0] - 0.3), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("equality", "told"), [
+    ('<joint name="e" joint1="B" joint2="A" polycoef="0 1 2 0 0"/>', "equality 'e': couples joints by more than a ratio (a cam says it)"),
+    ('<joint name="e" joint1="B"/>', "equality 'e': holds a joint: leave that out, or lock it"),
+    ('<joint name="d" joint1="B" joint2="A"/><joint name="e" joint1="A" joint2="B"/>', "equality 'e': joint 'A' follows or leads the other one already"),
+    ('<joint name="d" joint1="B" joint2="A"/><joint name="e" joint1="B" joint2="C"/>', "equality 'e': joint 'B' follows or leads the other one already"),
+    ('<joint name="e" joint1="C" joint2="A"/>', "joint 'C': it follows 'A' (no link holds both joints: a gear, or links that do it, say it)"),
+])  # fmt: skip
+def test_followers_that_mjcf_leaves_out(equality, told, tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    path = tmp_path / "pair.xml"
+    path.write_text(re.sub("<equality>.*</equality>", f"<equality>{equality}</equality>", PAIR.format("hinge", "0 0 1", "hinge", "0 0 1", "")))
+    found = linkdyn.convert(path)
+    assert told in found.left_out
+    assert "A" in found.scene().coordinates
 
 
 LOST = """

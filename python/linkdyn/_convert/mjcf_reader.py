@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, UnavailableError
-from .robot import Array, Body, Loop, Robot, TreeJoint, axes_about
+from .robot import Array, Body, Coupling, Loop, Robot, TreeJoint, axes_about
 
 __all__ = ["read_mjcf"]
 
@@ -42,6 +42,8 @@ class _Reader:
         self.left_out: list[str] = []
         self.threads: dict[str, str] = {}
         """Of each screw the name of its hinge."""
+        self.pairs: list[int] = []
+        """Equalities of two joints that are no thread."""
 
     def robot(self) -> Robot:
         m = self.model
@@ -54,6 +56,8 @@ class _Reader:
         if self._lacks("EQUALITY") or self._lacks("CONSTRAINT"):
             self.left_out += [f"equality '{loop.name}': the file disables it" for loop in robot.loops]
             robot.loops = []
+        else:
+            robot.couplings = self._couplings(bodies)
         if m.nkey:
             robot.start = self._keyframe(robot)
         self._tell_the_rest()
@@ -178,9 +182,11 @@ class _Reader:
             elif kind == int(kinds.mjEQ_WELD):
                 first, second, at, frames = self._ends(i, is_weld=True)
                 loops.append(Loop(name, "fixed", (first, second), at, frames))
-            elif kind != int(kinds.mjEQ_JOINT) or not self._is_thread(i, bodies):
-                words = {int(kinds.mjEQ_JOINT): "couples joints", int(kinds.mjEQ_TENDON): "couples tendons"}
-                self.left_out.append(f"equality '{name}': {words.get(kind, 'neither connect nor weld')}")
+            elif kind == int(kinds.mjEQ_JOINT):
+                if not self._is_thread(i, bodies):
+                    self.pairs.append(i)
+            else:
+                self.left_out.append(f"equality '{name}': {'couples tendons' if kind == int(kinds.mjEQ_TENDON) else 'neither connect nor weld'}")
         return self._by_points(points) + loops
 
     def _is_thread(self, i: int, bodies: list[Body]) -> bool:
@@ -204,6 +210,32 @@ class _Reader:
         body.joints[min(order)] = replace(hinge, name=name, kind="screw", pitch=pitch)
         del body.joints[max(order)]
         return True
+
+    def _couplings(self, bodies: list[Body]) -> list[Coupling]:
+        """Joints that follow other joints."""
+        m = self.model
+        joints = {joint.name: joint for body in bodies for joint in body.joints}
+        found: list[Coupling] = []
+        for i in self.pairs:
+            name, factors = self._name("EQUALITY", i, f"loop{i + 1}"), np.array(m.eq_data[i][:5])
+            follower, leader = (joints.get(self._joint_name(int(j))) if j >= 0 else None for j in (m.eq_obj1id[i], m.eq_obj2id[i]))
+            if m.eq_obj2id[i] < 0:
+                why = "holds a joint: leave that out, or lock it"
+            elif follower is None or leader is None:
+                why = "couples a joint that has become a part of a screw"
+            elif np.any(factors[2:]):
+                why = "couples joints by more than a ratio (a cam says it)"
+            elif any(other.follower is follower for other in found) or self._leads(found, follower, leader):
+                why = f"joint '{follower.name}' follows or leads the other one already"
+            else:
+                found.append(Coupling(leader, follower, float(factors[1]), float(factors[0] + follower.reference - factors[1] * leader.reference)))
+                continue
+            self.left_out.append(f"equality '{name}': {why}")
+        return found
+
+    def _leads(self, couplings: list[Coupling], first: TreeJoint, last: TreeJoint) -> bool:
+        """Does the last joint follow the first one, by way of others or itself?"""
+        return last is first or any(c.follower is last and self._leads(couplings, first, c.leader) for c in couplings)
 
     def _ends(self, i: int, is_weld: bool) -> tuple[int, int, tuple[Array, Array], tuple[Array, Array]]:
         """Bodies, points and axes of what a connect or weld holds together."""

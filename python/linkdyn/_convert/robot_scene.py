@@ -206,7 +206,7 @@ class SceneMaker:
             if isinstance(train, Train):
                 trains.append(train)
             else:
-                self.left_out.append(f"joint '{coupling.follower.name}': it mimics '{coupling.leader.name}' ({train})")
+                self.left_out.append(f"joint '{coupling.follower.name}': it follows '{coupling.leader.name}' ({train})")
         self.robot.couplings = [train.coupling for train in trains]
         return trains
 
@@ -313,7 +313,7 @@ class SceneMaker:
     def _add_trains(self) -> None:
         for train in self.trains:
             c = train.coupling
-            self.left_out.append(f"joint '{c.follower.name}': it mimics '{c.leader.name}' by {add_train(self, train)}, whose forces joints carry, too")
+            self.left_out.append(f"joint '{c.follower.name}': it follows '{c.leader.name}' by {add_train(self, train)}, whose forces joints carry, too")
 
     def variable(self, joint: TreeJoint) -> float:
         """Of a hinge or slide, at the start."""

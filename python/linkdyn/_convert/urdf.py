@@ -194,7 +194,7 @@ class _Reader:
             if name in known and leader in known:
                 found.append(Coupling(known[leader], known[name], ratio, offset))
             else:
-                self.left_out.append(f"joint '{name}': it mimics '{leader}' (both have to be hinges or slides of the tree)")
+                self.left_out.append(f"joint '{name}': it follows '{leader}' (both have to be hinges or slides of the tree)")
         return found
 
     # ---------------------------------------------------------------------------------------------------------------- loops
