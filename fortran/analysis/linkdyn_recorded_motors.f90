@@ -72,7 +72,7 @@ contains
         function pressing() result(press)
             real(wp) :: press(size(lossy), n)
 
-            press = sense*samples%found(recorded%out%transmitted + at - 1, :n)
+            press = sense*transpose(samples%found(:n, recorded%out%transmitted + at - 1))
         end function pressing
     end subroutine settle_losses
 end module linkdyn_recorded_motors

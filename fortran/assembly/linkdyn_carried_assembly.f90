@@ -5,7 +5,7 @@
 !> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
 module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
-    use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, way_forks, &
+    use linkdyn_following, only: way_report, is_step_sound, doubt_unsound, way_arrived, way_at_singularity, way_forks, &
         largest_contraction
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_stride, only: close_places
@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, leaves_doubt, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, leaves_doubt, note_doubt, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -92,17 +92,20 @@ contains
     end subroutine stand_there
 
     !> Branches of the closed forms on which a lane's states are tried.
-    pure subroutine take_branches(model, assembly, lane, branch)
+    pure subroutine take_branches(model, assembly, n, branch)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
-        integer, intent(in) :: lane
-        real(wp), intent(out) :: branch(:)             !! (n_branch)
+        integer, intent(in) :: n                       !! of the first lanes
+        real(wp), intent(inout), contiguous :: branch(:, :)    !! (n_branch, lane)
+        integer :: k
 
-        if (assembly%is_needed) then
-            branch = assembly%branch(lane, :)
-        else
-            branch = model%branch(:model%n_branch)
-        end if
+        do k = 1, model%n_branch
+            if (assembly%is_needed) then
+                branch(k, :n) = assembly%branch(:n, k)
+            else
+                branch(k, :n) = model%branch(k)
+            end if
+        end do
     end subroutine take_branches
 
     !> Let another assembly stand where the first lane does, from a lane on: states are evaluated from there later.
@@ -297,6 +300,18 @@ contains
         ! From where it is not told on which side it is, a mechanism would leave to either.
         if (.not. passes_change_points) leaves_doubt = leaves_doubt .or. abs(now) <= least_margin
     end function leaves_doubt
+
+    !> The same on lanes, of one map.
+    pure subroutine note_doubt(passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        logical, intent(in) :: passes_change_points
+        real(wp), intent(in) :: least_margin
+        real(wp), intent(in), contiguous, dimension(:) :: before, drift_before, now, drift_now     !! rates in 1/s (lane)
+        real(wp), intent(in), contiguous :: ahead(:)   !! how long the steps are [s] (lane)
+        logical, intent(inout), contiguous :: is_doubtful(:)
+
+        call doubt_unsound(least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        if (.not. passes_change_points) is_doubtful = is_doubtful .or. abs(now) <= least_margin
+    end subroutine note_doubt
 
     !> Go on to a new accepted state: `assembly%state` holds its coordinates and rates.
     subroutine accept_assembly(model, t, is_accepted, assembly)

@@ -174,15 +174,16 @@ contains
     end subroutine add_outputs
 
     !> Rates of what continuous controllers have in y.
-    subroutine pack_control_rates(layout, control, rate)
+    subroutine pack_control_rates(layout, n, control, rate)
         type(state_layout), intent(in) :: layout
+        integer, intent(in) :: n                       !! lanes
         type(controlled_drives), intent(in) :: control
         real(wp), intent(inout) :: rate(:, :)          !! (lane, n)
         integer :: i
 
         do i = 1, control%state%n
-            if (layout%integral(i) > 0) rate(:, layout%integral(i)) = control%state%integral_rate(:, i)
-            if (layout%slope(i) > 0) rate(:, layout%slope(i)) = control%state%slope_rate(:, i)
+            if (layout%integral(i) > 0) rate(:n, layout%integral(i)) = control%state%integral_rate(:n, i)
+            if (layout%slope(i) > 0) rate(:n, layout%slope(i)) = control%state%slope_rate(:n, i)
         end do
     end subroutine pack_control_rates
 

@@ -119,7 +119,7 @@ contains
         do i = 1, size(layout%pressure)
             if (layout%pressure(i) == 0) cycle
             do k = 1, n_chamber
-                rate(:, layout%pressure(i) + k - 1) = cylinders%rate([(min(lane, n_used), lane=1, lanes)], k, i) &
+                rate(:, layout%pressure(i) + k - 1) = cylinders%rate([(min(lane, n_used), lane=1, size(rate, 1))], k, i) &
                     /model%scene%actuator(i)%cylinder%supply
             end do
         end do

@@ -7,7 +7,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
-        place_touches, may_change_assembly, keep_stages, apply_record_laws
+        take_rates, place_touches, leave_doubtful, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
     use linkdyn_led_mechanism, only: measure_margins
@@ -29,6 +29,9 @@ contains
     module procedure make_record
         type(look_choice) :: choice
 
+        if (.not. allocated(self%y_tried)) allocate (self%y_tried(self%n))
+        self%has_motor_laws = motors_have_laws(self%model)
+        self%has_cylinders = any(self%layout%pressure > 0)
         call hold_records()
         if (.not. associated(self%shared)) call hold_programs(self%shared)
         associate (shared => self%shared)
@@ -42,14 +45,14 @@ contains
                     call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
                                             shared%rates)
                 end if
-                call use_forward_rates(self%model, shared%rates, self%record)
+                call use_forward_rates(self%model, self%layout, shared%rates, .true., self%record)
                 if (shared%rates%is_usable) call compare_with_lanes(self, t, shared%poses%q, shared%agrees, shared%sees)
                 call forget_stages(self%record%stage)
             else
-                call use_forward_rates(self%model, shared%rates, self%record)
+                call use_forward_rates(self%model, self%layout, shared%rates, .true., self%record)
             end if
             self%may_record = shared%agrees
-            if (self%may_record .and. shared%sees) call use_looks(self%model, shared%rates, self%looks)
+            if (self%may_record .and. shared%sees) call use_looks(self%model, self%layout, shared%rates, self%looks)
             if (self%may_record) call record_motion(self, t, shared)
         end associate
         call release_records()
@@ -79,45 +82,37 @@ contains
         if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
 
-    !> dy/dt of the lanes used; nobody looks at the others.
+    !> dy/dt of the lanes used; the arrays may end there.
     module procedure evaluate_by_record
-        integer :: given_status(lanes), lane, n
-        logical :: has_motor_laws, has_cylinders, changes_efforts
+        integer :: n
+        logical :: changes_efforts
 
         n = self%n_used
-        has_motor_laws = motors_have_laws(self%model)
-        has_cylinders = any(self%layout%pressure > 0)
-        call self%find_given_forces(t, self%record%given_force, given_status)
+        call self%find_given_forces(t(:n), self%record%given_force, is_left)
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
-            samples%is_left(:n) = samples%is_left(:n) .or. given_status(:n) /= sample_ok
+            samples%is_left(:n) = samples%is_left(:n) .or. is_left(:n)
             call close_states(self%model, self%assembly, n, self%record)
-            changes_efforts = has_motor_laws .or. has_cylinders .or. self%control%state%n > 0
+            changes_efforts = self%has_motor_laws .or. self%has_cylinders .or. self%control%state%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
-            if (has_cylinders) &
+            if (self%has_cylinders) &
                 call drive_record_by_cylinders(self%model, self%layout, n, y, self%record, self%cylinders)
-            if (has_motor_laws) &
+            if (self%has_motor_laws) &
                 call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
-            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied), &
-                            laws_are_there=changes_efforts)
+            call run_states(n, self%record, y, laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
-                do lane = 1, n
-                    samples%is_left(lane) = samples%is_left(lane) &
-                                            .or. may_change_assembly(self%model, self%assembly, lane, t(lane), self%record)
-                end do
+                call leave_doubtful(self%model, self%assembly, n, t, self%record)
                 call keep_stages(self%assembly, n, self%record)
             end if
             is_left(:n) = samples%is_left(:n)
-            is_left(n + 1:) = is_left(n)
         end associate
-        call pack_rates(self%model, self%layout, n, y, self%workspace%acceleration, self%record%counted, rate)
-        call pack_control_rates(self%layout, self%control, rate)
-        call pack_current_rates(self%layout, self%n_used, self%motors, rate)
-        call pack_pressure_rates(self%model, self%layout, self%n_used, self%cylinders, rate)
-        if (self%may_jump) &
-            call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate, is_left)
+        call take_rates(n, self%record, y, self%workspace%acceleration, rate)
+        call pack_control_rates(self%layout, n, self%control, rate)
+        if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%motors, rate)
+        if (self%has_cylinders) call pack_pressure_rates(self%model, self%layout, n, self%cylinders, rate)
+        if (self%may_jump) call self%note_mode(self%record%samples%mode(:n), rate, is_left)
     end procedure evaluate_by_record
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
@@ -180,7 +175,7 @@ contains
 
             has_same_margins = .true.
             if (.not. self%assembly%is_needed) return
-            associate (found => self%record%samples%found(:, lane), out => self%record%recorded%out, n => self%model%n_branch)
+            associate (found => self%record%samples%found(lane, :), out => self%record%recorded%out, n => self%model%n_branch)
                 ! either may vanish: sines compare with one, and so do their rates while coordinates have rates of about one
                 has_same_margins = are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, found(out%margin:out%margin + n - 1)]) &
                                    .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, found(out%drift:out%drift + n - 1)])

@@ -82,15 +82,16 @@ contains
     end function angles_to_see
 
     !> Use a record of the scene, if that can look.
-    subroutine use_looks(model, recorded, look)
+    subroutine use_looks(model, layout, recorded, look)
         type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
         type(recorded_rates), intent(in) :: recorded
         type(forward_look), intent(out) :: look
 
         look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. wants_looks(model) &
                          .and. size(recorded%model%group) == size(model%group)
         if (.not. look%is_usable) return
-        call use_forward_rates(model, recorded, look%record)
+        call use_forward_rates(model, layout, recorded, .false., look%record)
         look%angle = angles_seen(model)
     end subroutine use_looks
 
@@ -135,21 +136,23 @@ contains
     end function is_seen
 
     !> Look at the state of which the run's record has just found the rates.
-    subroutine see_end(t, y, acceleration, evaluated, look)
+    subroutine see_end(model, layout, t, y, turns, assembly, acceleration, evaluated, look)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t, y(:)                !! [s], (n)
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        type(carried_assembly), intent(in) :: assembly
         real(wp), intent(in) :: acceleration(:)        !! (n_q)
         type(forward_record), intent(in) :: evaluated  !! it is the first sample of
         type(forward_look), intent(inout) :: look
 
         associate (samples => look%record%samples, from => evaluated%samples)
-            samples%q(:, 1) = from%q(:, 1)
-            samples%qd(:, 1) = from%qd(:, 1)
-            samples%quaternion(:, 1) = from%quaternion(:, 1)
-            samples%branch(:, 1) = from%branch(:, 1)
+            call place_states(model, layout, assembly, 1, [t], reshape(y, [1, size(y)]), turns, &
+                              spread(.false., 1, model%n_actuator), look%record)
             samples%place(:, 1) = from%place(:, 1)
             samples%group_margin(:, 1) = from%group_margin(:, 1)
             samples%qdd(:, 1) = acceleration
-            samples%is_left(1) = from%is_left(1)
+            samples%is_left(1) = samples%is_left(1) .or. from%is_left(1)
         end associate
         call run_looks(look%record%recorded, 1, look%record%samples)
         call note_first(t, y, evaluated, look)

@@ -15,7 +15,8 @@ contains
         if (.not. sees_end) return
         sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
         if (sees_end) return
-        call see_end(self%t_tried, self%y_tried, self%workspace%acceleration(1, :), self%record, self%looks)
+        call see_end(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%assembly, &
+                     self%workspace%acceleration(1, :), self%record, self%looks)
         sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
     end procedure sees_end
 

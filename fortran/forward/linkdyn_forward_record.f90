@@ -2,7 +2,7 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, leaves_doubt, secant, take_branches
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, leaves_doubt, note_doubt, secant, take_branches
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
@@ -22,21 +22,21 @@ module linkdyn_forward_record
     use linkdyn_model, only: model_type, step_pose, gives_attitude, link_freedom, place_size
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_payloads, only: evaluate_payloads
-    use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
+    use linkdyn_scene_program, only: input_wiring, wire_inputs
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
+    use linkdyn_state_wires, only: state_wires, lay_wires, columns_of_states, carry, carry_with_turns, rates_of_states
     use linkdyn_uncertainty, only: is_surely_certain
-    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
-    public :: place_states, place_touches, close_states, close_near, run_states, may_change_assembly, keep_stages, &
-        apply_record_laws, settle_record_losses, is_led_there, accept_recorded
+    public :: place_states, place_touches, close_states, close_near, run_states, take_rates, leave_doubtful, &
+        keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -45,15 +45,18 @@ module linkdyn_forward_record
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
-        real(wp), allocatable :: counted(:, :)         !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
-        real(wp), allocatable, private :: law(:, :)    !! what drives' laws give at an instant, their rates and accelerations
-                                                       !! (3, n_actuator)
-        type(law_instants), private :: instant         !! it
-        integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
-                                                       !! 0: none (n_actuator)
-        integer, allocatable, private :: measured(:)   !! coordinate that a measure is: its turns are told apart; 0: none (measure)
-        logical, allocatable, private :: is_sprung(:)  !! coordinates that a spring compares with its rest: a record cannot be told
-                                                       !! of turns that are not in y (n_q)
+        type(state_wires), private :: wires
+        logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as they are
+        type(input_wiring), private :: wiring
+        type(law_instants), private :: instant         !! of the samples
+        real(wp), allocatable, private :: constant(:)  !! what actuators give that no law of time tells (n_actuator) [N, N m, V]
+        integer, allocatable, private :: timed(:)      !! the other actuators that follow laws
+        real(wp), private :: ignored(lanes) = 0        !! accelerations by these laws
+        ! ---- places in y of coordinates whose turns, which are not in y, count for something
+        integer, allocatable, private :: followed(:)   !! that an actuator's law compares with a position that it wants; 0: none
+                                                       !! (n_actuator)
+        integer, allocatable, private :: measured(:)   !! that a measure is; 0: none (measure)
+        integer, allocatable, private :: sprung(:)     !! that springs compare with their rests: a record cannot be told of turns
     end type forward_record
 
 contains
@@ -139,13 +142,19 @@ contains
     end function is_led_there
 
     !> Use a record of the scene from now on.
-    subroutine use_forward_rates(model, recorded, record)
+    subroutine use_forward_rates(model, layout, recorded, by_columns, record)
         type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
         type(recorded_rates), intent(in), target :: recorded
+        logical, intent(in) :: by_columns              !! states need not be in the samples, where the rates alone hang on them
         type(forward_record), intent(out) :: record
 
         record%recorded => recorded
-        if (recorded%is_usable) call prepare_samples(model, record)
+        if (.not. recorded%is_usable) return
+        call prepare_samples(model, layout, record)
+        record%by_columns = by_columns .and. .not. (recorded%measures%is_made .or. recorded%friction%is_made &
+                                                    .or. places_groups(recorded))
+        if (record%by_columns) call wire_inputs(recorded%program, columns_of_states(model, record%wires), record%wiring)
     end subroutine use_forward_rates
 
     subroutine free_forward_record(record)
@@ -180,23 +189,29 @@ contains
         end do
     end function representatives
 
-    subroutine prepare_samples(model, record)
+    subroutine prepare_samples(model, layout, record)
         type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
         type(forward_record), intent(inout) :: record
-        integer :: i, k
+        integer :: i
 
         call make_rate_samples(record%recorded, lanes, record%samples)
         allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
         if (places_groups(record%recorded)) call prepare_stage_places(model, record%stage)
-        allocate (record%followed(model%n_actuator), record%law(3, model%n_actuator), record%is_sprung(model%n_q))
-        allocate (record%given_force(lanes, model%n_actuator), record%counted(lanes, model%n_q), source=0.0_wp)
-        record%followed = 0
-        record%is_sprung = .false.
+        call lay_wires(model, layout, record%recorded%out, record%wires)
+        allocate (record%given_force(lanes, model%n_actuator), source=0.0_wp)
+        allocate (record%constant(model%n_actuator), source=0.0_wp)
+        allocate (record%followed(model%n_actuator), source=0)
+        allocate (record%sprung(0), record%timed(0))
         do i = 1, model%n_actuator
-            k = counting(coordinate_of_actuator(model, i))
-            associate (drive => model%scene%actuator(i)%drive)
-                if (follows_target(drive)) record%followed(i) = k
-                if (k > 0 .and. drive%kind == drive_spring_damper) record%is_sprung(k) = .true.
+            associate (drive => model%scene%actuator(i)%drive, place => place_of(coordinate_of_actuator(model, i)))
+                if (drive%kind == drive_constant) then
+                    record%constant(i) = drive%value(1)                ! of a motor, else nobody asks
+                else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
+                    record%timed = [record%timed, i]
+                end if
+                if (follows_target(drive)) record%followed(i) = place
+                if (place > 0 .and. drive%kind == drive_spring_damper) record%sprung = [record%sprung, place]
             end associate
         end do
         allocate (record%measured(size(model%scene%laws%measure)))
@@ -204,27 +219,28 @@ contains
         do i = 1, size(record%measured)
             associate (measure => model%scene%laws%measure(i))
                 if (measure%kind == measure_joint .and. .not. measure%is_rate) &
-                    record%measured(i) = counting(coordinate_of(model, measure%joint, measure%variable))
+                    record%measured(i) = place_of(coordinate_of(model, measure%joint, measure%variable))
             end associate
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint == 0) cycle
-                k = counting(coordinate_of(model, spring%joint, spring%variable))
-                if (k > 0) record%is_sprung(k) = .true.
+                associate (place => place_of(coordinate_of(model, spring%joint, spring%variable)))
+                    if (place > 0) record%sprung = [record%sprung, place]
+                end associate
             end associate
         end do
 
     contains
 
-        !> A coordinate that stands in for another variable counts no turns: 0.
-        pure integer function counting(k)
+        !> In y, of a coordinate that counts turns; 0: of none. One that stands in for another variable counts none.
+        pure integer function place_of(k)
             integer, intent(in) :: k
 
-            counting = k
+            place_of = 0
             if (k == 0) return
-            if (model%scene%coordinate(k)%for_joint > 0) counting = 0
-        end function counting
+            if (model%scene%coordinate(k)%for_joint == 0) place_of = layout%position(k)
+        end function place_of
     end subroutine prepare_samples
 
     !> The first n states as samples of the record.
@@ -233,106 +249,121 @@ contains
         type(state_layout), intent(in) :: layout
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
-        real(wp), intent(in) :: t(lanes)               !! [s]
-        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(in) :: t(:)                   !! [s] (lane)
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
         logical, intent(in) :: by_inverse(:)           !! `record%given_force` has their forces (n_actuator)
         type(forward_record), intent(inout) :: record
-        real(wp), pointer, contiguous :: load(:, :, :)
-        integer :: lane, i, k, p
+        integer :: i
 
-        associate (samples => record%samples, law => record%law)
-            do lane = 1, n
-                ! what is no number must not pass through a choice of the record
-                samples%is_left(lane) = .not. sum(abs(y(lane, :))) <= huge(1.0_wp)
-                if (lane == 1) then
-                    call look_at_laws()
-                else if (t(lane) /= t(lane - 1)) then
-                    call look_at_laws()
-                else
-                    call copy_laws()
-                end if
-                do k = 1, model%n_q
-                    if (layout%rate(k) == 0) cycle
-                    samples%qd(k, lane) = y(lane, layout%rate(k))
-                    p = layout%position(k)
-                    if (p == 0) cycle
-                    samples%q(k, lane) = y(lane, p)
-                    samples%is_left(lane) = samples%is_left(lane) .or. (record%is_sprung(k) .and. turns(lane, p) /= 0)
-                end do
-                do k = 1, model%n_q
-                    p = layout%counted(k)
-                    if (p > 0) samples%counted(k, lane) = with_turns(y(lane, p), turns(lane, p))
-                end do
-                do i = 1, model%n_attitude
-                    p = layout%quaternion(i)
-                    if (p > 0) samples%quaternion(4*i - 3:4*i, lane) = y(lane, p:p + 3)
-                end do
-                do i = 1, model%n_actuator
-                    samples%target(2*i - 1:2*i, lane) = law(:2, i)
-                    k = record%followed(i)
-                    if (k > 0) samples%target(2*i - 1, lane) = law(1, i) - turns_of(k)
-                    samples%effort(i, lane) = law(1, i)
-                    if (by_inverse(i)) samples%effort(i, lane) = record%given_force(lane, i)
-                end do
-                call take_branches(model, assembly, lane, samples%branch(:, lane))
-                samples%t(lane) = t(lane)
-                do i = 1, size(record%measured)
-                    samples%turned(i, lane) = 0
-                    if (record%measured(i) > 0) samples%turned(i, lane) = turns_of(record%measured(i))
-                end do
+        associate (samples => record%samples, wires => record%wires)
+            call leave_no_number(n, y, samples%is_left)
+            if (.not. record%by_columns) call carry_states(wires, n, y, samples)
+            call carry_with_turns(wires%counted, n, y, turns, samples%counted)
+            samples%t(:n) = t(:n)
+            call look_at_laws(model, layout, samples%t(:n), record)
+            do i = 1, model%n_actuator
+                if (by_inverse(i)) samples%effort(i, :n) = record%given_force(:n, i)
+                associate (place => record%followed(i))
+                    if (place > 0) samples%target(2*i - 1, :n) = samples%target(2*i - 1, :n) - two_pi*turns(:n, place)
+                end associate
             end do
+            do i = 1, size(record%measured)
+                samples%turned(i, :n) = 0
+                if (record%measured(i) > 0) samples%turned(i, :n) = two_pi*turns(:n, record%measured(i))
+            end do
+            do i = 1, size(record%sprung)
+                samples%is_left(:n) = samples%is_left(:n) .or. turns(:n, record%sprung(i)) /= 0
+            end do
+            call take_branches(model, assembly, n, samples%branch)
+        end associate
+    end subroutine place_states
+
+    subroutine carry_states(wires, n, y, samples)
+        type(state_wires), intent(in) :: wires
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        type(rate_samples), intent(inout) :: samples
+
+        call carry(wires%qd, n, y, samples%qd)
+        call carry(wires%q, n, y, samples%q)
+        call carry(wires%quaternion, n, y, samples%quaternion)
+    end subroutine carry_states
+
+    !> What is no number must not pass through a choice of the record.
+    pure subroutine leave_no_number(n, y, is_left)
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        logical, intent(inout) :: is_left(:)
+        real(wp) :: total
+        integer :: k, lane
+
+        do lane = 1, n
+            total = 0
+            do k = 1, size(y, 2)
+                total = total + abs(y(lane, k))
+            end do
+            is_left(lane) = .not. total <= huge(1.0_wp)
+        end do
+    end subroutine leave_no_number
+
+    !> What depends on time alone, at the instants of the first samples.
+    subroutine look_at_laws(model, layout, t, record)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(:)                   !! [s] (lane)
+        type(forward_record), intent(inout) :: record
+        real(wp), pointer, contiguous :: load(:, :, :)
+        integer :: n, i, k
+
+        n = merge(1, size(t), all(t == t(1)))
+        call set_instants(record%instant, t(:n))
+        associate (samples => record%samples)
+            do i = 1, size(t)
+                samples%effort(:, i) = record%constant
+            end do
+            do i = 1, size(record%timed)
+                k = record%timed(i)
+                call evaluate_at_instants(model%scene%actuator(k)%drive%target, record%instant, samples%effort(k, :n), &
+                                          samples%target(2*k, :n), record%ignored(:n))
+                samples%target(2*k - 1, :n) = samples%effort(k, :n)
+                call fill(samples%effort(k:k, :))
+                call fill(samples%target(2*k - 1:2*k, :))
+            end do
+            do k = 1, model%n_q
+                if (layout%rate(k) > 0) cycle
+                call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k, :n), samples%qd(k, :n), &
+                                          samples%qdd(k, :n))
+                call fill(samples%q(k:k, :))
+                call fill(samples%qd(k:k, :))
+                call fill(samples%qdd(k:k, :))
+            end do
+            if (model%scene%base%moves) then
+                call evaluate_base(model, t(:n), samples%base(:, :n))
+                call fill(samples%base)
+            end if
+            if (size(model%payload) > 0) then
+                call evaluate_payloads(model, t(:n), samples%payload(:, :n))
+                call fill(samples%payload)
+            end if
+            if (model%n_load == 0) return
+            load(1:6, 1:model%n_load, 1:n) => samples%load(:, :n)
+            call evaluate_loads(model, t(:n), load)
+            call fill(samples%load)
         end associate
 
     contains
 
-        !> What depends on time alone.
-        subroutine look_at_laws()
-            record%law = 0
-            call set_instants(record%instant, t(lane:lane))
-            do i = 1, model%n_actuator
-                associate (drive => model%scene%actuator(i)%drive, law => record%law)
-                    if (drive%kind == drive_constant) then
-                        law(1, i) = drive%value(1)     ! of a motor, else nobody asks
-                    else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
-                        call evaluate_at_instants(drive%target, record%instant, law(1:1, i), law(2:2, i), law(3:3, i))
-                    end if
-                end associate
+        !> At one instant all are the same.
+        subroutine fill(x)
+            real(wp), intent(inout) :: x(:, :)         !! (number, lane)
+            integer :: lane
+
+            do lane = n + 1, size(t)
+                x(:, lane) = x(:, 1)
             end do
-            do k = 1, model%n_q
-                if (layout%rate(k) > 0) cycle
-                associate (samples => record%samples)
-                    call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k:k, lane), &
-                                              samples%qd(k:k, lane), samples%qdd(k:k, lane))
-                end associate
-            end do
-            if (model%scene%base%moves) call evaluate_base(model, t(lane:lane), record%samples%base(:, lane:lane))
-            if (size(model%payload) > 0) call evaluate_payloads(model, t(lane:lane), record%samples%payload(:, lane:lane))
-            if (model%n_load == 0) return
-            load(1:6, 1:model%n_load, 1:1) => record%samples%load(:, lane)
-            call evaluate_loads(model, t(lane:lane), load)
-        end subroutine look_at_laws
-
-        !> Those of the state before, at the same instant.
-        subroutine copy_laws()
-            associate (samples => record%samples)
-                samples%q(:, lane) = samples%q(:, lane - 1)
-                samples%qd(:, lane) = samples%qd(:, lane - 1)
-                samples%qdd(:, lane) = samples%qdd(:, lane - 1)
-                samples%load(:, lane) = samples%load(:, lane - 1)
-                samples%base(:, lane) = samples%base(:, lane - 1)
-                samples%payload(:, lane) = samples%payload(:, lane - 1)
-            end associate
-        end subroutine copy_laws
-
-        !> Angle of a coordinate that is not in y [rad].
-        real(wp) function turns_of(k)
-            integer, intent(in) :: k
-
-            turns_of = 0
-            if (layout%position(k) > 0) turns_of = two_pi*turns(lane, layout%position(k))
-        end function turns_of
-    end subroutine place_states
+        end subroutine fill
+    end subroutine look_at_laws
 
     !> The record measures nothing of what the run knows: it is added, as turns are.
     subroutine place_touches(model, n, touch, record)
@@ -444,32 +475,37 @@ contains
         end do
     end subroutine keep_stages
 
-    !> May a mechanism have left its assembly on the way to the state that the record was run on last in a lane? Judged as lanes
-    !> are.
-    pure logical function may_change_assembly(model, assembly, lane, t, record) result(may)
+    !> States are left that a mechanism may have left its assembly on the way to, of the first n that the record was run on last. Judged
+    !> as lanes are.
+    pure subroutine leave_doubtful(model, assembly, n, t, record)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
-        integer, intent(in) :: lane
-        real(wp), intent(in) :: t                      !! [s]
-        type(forward_record), intent(in) :: record
-        real(wp) :: ahead
-        integer :: n_group
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t(:)                   !! [s] (lane)
+        type(forward_record), intent(inout) :: record
+        real(wp) :: ahead(lanes)
+        integer :: m, g, lane
 
-        n_group = merge(size(model%group), 0, places_groups(record%recorded))
-        associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch, &
-                   of_groups => record%samples%group_margin(:, lane))
-            ahead = t - assembly%t(lane)
-            may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
-                                   ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
-                                   ahead*found(out%drift:out%drift + n - 1)))
-            if (n_group == 0 .or. record%is_led(lane)) return
-            associate (least => model%least_margin(n + 1:n + n_group), before => assembly%margin(lane, n + 1:n + n_group), &
-                       drift => assembly%drift(lane, n + 1:n + n_group))
-                may = may .or. any(leaves_doubt(model%scene%passes_change_points, least, before, ahead*drift, of_groups, &
-                                                ahead*secant(before, of_groups, ahead)))
-            end associate
+        ahead(:n) = t(:n) - assembly%t(:n)
+        associate (samples => record%samples, out => record%recorded%out, passes => model%scene%passes_change_points)
+            do m = 1, model%n_branch
+                call note_doubt(passes, model%least_margin(m), assembly%margin(:n, m), assembly%drift(:n, m), &
+                                samples%found(:n, out%margin + m - 1), samples%found(:n, out%drift + m - 1), ahead(:n), &
+                                samples%is_left(:n))
+            end do
+            do g = 1, merge(size(model%group), 0, places_groups(record%recorded))
+                m = model%n_branch + g
+                do lane = 1, n
+                    if (record%is_led(lane)) cycle
+                    associate (now => samples%group_margin(g, lane), before => assembly%margin(lane, m))
+                        samples%is_left(lane) = samples%is_left(lane) .or. leaves_doubt( &
+                            passes, model%least_margin(m), before, ahead(lane)*assembly%drift(lane, m), now, &
+                            ahead(lane)*secant(before, now, ahead(lane)))
+                    end associate
+                end do
+            end do
         end associate
-    end function may_change_assembly
+    end subroutine leave_doubtful
 
     !> Go on from the first sample, an accepted state that leaves no doubt that it is on the accepted assembly: one for all lanes.
     !> `assembly%state` holds its coordinates.
@@ -550,34 +586,35 @@ contains
         if (size(lossy) > 0) call settle_losses(model, lossy, contact, record%recorded, n, record%samples)
     end subroutine settle_record_losses
 
-    !> Run the first n states; asks `samples%is_left` which do not count.
-    subroutine run_states(n, record, acceleration, work, supplied, laws_are_there)
+    !> Run the first n states; ask `samples%is_left` which do not count.
+    subroutine run_states(n, record, y, laws_are_there)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
-        logical, intent(in) :: laws_are_there                  !! `apply_record_laws` has been called
-        real(wp), intent(inout) :: acceleration(:, :)          !! (lane, n_q); lanes beyond n are like lane n
-        real(wp), intent(out), dimension(lanes) :: work, supplied    !! powers [W]
-        type(rate_outputs) :: out
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        logical, intent(in) :: laws_are_there          !! `apply_record_laws` has been called
+
+        if (record%by_columns) then
+            call run_rates(record%recorded, n, record%samples, laws_are_there, record%wiring, y)
+        else
+            call run_rates(record%recorded, n, record%samples, laws_are_there)
+        end if
+    end subroutine run_states
+
+    !> What has been found of the first n states: accelerations, and all rates of y that the record knows of.
+    subroutine take_rates(n, record, y, acceleration, rate)
+        integer, intent(in) :: n
+        type(forward_record), intent(in) :: record
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        real(wp), intent(inout), contiguous :: acceleration(:, :)      !! (lane, n_q); lanes beyond n are like lane n
+        real(wp), intent(inout), contiguous :: rate(:, :)      !! (lane, n)
         integer :: k
 
-        out = record%recorded%out
-        call run_rates(record%recorded, n, record%samples, laws_are_there)
-        do k = 1, size(acceleration, 2)
-            call take(out%acceleration + k - 1, acceleration(:, k))
-            call take(out%counted + k - 1, record%counted(:, k))
-        end do
-        call take(out%work, work)
-        call take(out%supplied, supplied)
-
-    contains
-
-        !> A number that was found.
-        subroutine take(number, x)
-            integer, intent(in) :: number
-            real(wp), intent(inout) :: x(lanes)
-
-            x(:n) = record%samples%found(number, :n)
-            x(n + 1:) = x(n)
-        end subroutine take
-    end subroutine run_states
+        associate (found => record%samples%found, first => record%recorded%out%acceleration)
+            do k = 1, size(acceleration, 2)
+                acceleration(:, k) = found(n, first + k - 1)
+                if (n > 1) acceleration(:n, k) = found(:n, first + k - 1)
+            end do
+            call rates_of_states(record%wires, n, y, found, rate)
+        end associate
+    end subroutine take_rates
 end module linkdyn_forward_record

@@ -85,6 +85,7 @@ module linkdyn_forward_system
         type(controlled_drives) :: control
         type(motor_states) :: motors
         type(cylinder_states) :: cylinders
+        logical, private :: has_motor_laws = .false., has_cylinders = .false.  !! whoever asks the record looks after them
         logical, private :: may_be_torn = .false.      !! chambers may be what they cannot be: two roads are compared
         ! ---- what becomes of steps
         type(energy_check), private :: energy
@@ -120,6 +121,7 @@ module linkdyn_forward_system
         logical, private :: is_behind = .false.        !! it is not in the workspace
     contains
         procedure :: evaluate => evaluate_forward
+        procedure :: evaluate_alone => evaluate_one
         procedure :: evaluate_on_lanes
         procedure :: make_record
         procedure :: accept => accept_forward
@@ -194,10 +196,10 @@ module linkdyn_forward_system
 
         module subroutine evaluate_by_record(self, t, y, rate, is_left)
             class(forward_system), intent(inout) :: self
-            real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
-            real(wp), intent(out) :: rate(:, :)
-            logical, intent(out) :: is_left(lanes)         !! that the record does not serve
+            real(wp), intent(in) :: t(:)                   !! of the lanes used at least, as the others
+            real(wp), intent(in), contiguous :: y(:, :)
+            real(wp), intent(inout), contiguous :: rate(:, :)
+            logical, intent(inout) :: is_left(:)           !! that the record does not serve
         end subroutine evaluate_by_record
 
         ! ---- linkdyn_forward_memory
@@ -285,7 +287,7 @@ module linkdyn_forward_system
         module subroutine drive_record_by_controllers(self, n, t, y)
             class(forward_system), intent(inout) :: self
             integer, intent(in) :: n
-            real(wp), intent(in) :: t(lanes)               !! [s]
+            real(wp), intent(in) :: t(:)                   !! [s] n at least
             real(wp), intent(in) :: y(:, :)                !! (lane, n)
         end subroutine drive_record_by_controllers
 
@@ -590,8 +592,8 @@ contains
     subroutine evaluate_forward(self, t, y, rate, failed)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
-        real(wp), intent(in) :: y(:, :)
-        real(wp), intent(out) :: rate(:, :)
+        real(wp), intent(in), contiguous :: y(:, :)
+        real(wp), intent(out), contiguous :: rate(:, :)
         logical, intent(out) :: failed(lanes)
         logical :: is_left(lanes)
 
@@ -599,21 +601,61 @@ contains
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
-        call evaluate_by_record(self, t, y, rate, is_left)
-        is_left = is_left .or. self%cylinders%impossible > 0
+        associate (n => self%n_used)
+            call evaluate_by_record(self, t, y, rate, is_left)
+            is_left(:n) = is_left(:n) .or. self%cylinders%impossible(:n) > 0
+            is_left(n + 1:) = is_left(n)
+        end associate
         if (any(is_left)) then
             call evaluate_rest(self, t, y, is_left, rate, failed)
         else
             failed = .false.
-            self%n_by_record = self%n_by_record + 1
-            self%workspace%status = sample_ok
-            self%watch%is_compared = .false.
-            self%is_by_record = .true.
-            self%is_behind = .true.
-            self%t_tried = t(1)
-            self%y_tried = y(1, :)
+            call note_evaluated(self, t(1), y(1, :))
         end if
     end subroutine evaluate_forward
+
+    !> The same of one state: the record needs no lanes.
+    subroutine evaluate_one(self, t, y, rate, failed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)                !! (n)
+        real(wp), intent(out) :: rate(:)               !! (n)
+        logical, intent(out) :: failed
+
+        failed = .true.
+        if (self%has_record_now(t)) then
+            self%n_used = 1
+            call evaluate_as_lane(self, [t], y, rate, failed)
+            self%n_used = lanes
+        end if
+        if (failed) call self%evaluate_spread(t, y, rate, failed)
+    end subroutine evaluate_one
+
+    !> One lane of states, by the record.
+    subroutine evaluate_as_lane(self, t, y, rate, is_left)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(1), y(1, self%n)
+        real(wp), intent(inout) :: rate(1, self%n)
+        logical, intent(out) :: is_left
+        logical :: lane_is_left(1)
+
+        call evaluate_by_record(self, t, y, rate, lane_is_left)
+        is_left = lane_is_left(1) .or. self%cylinders%impossible(1) > 0 .or. .not. sum(abs(rate)) <= huge(1.0_wp)
+        if (.not. is_left) call note_evaluated(self, t(1), y(1, :))
+    end subroutine evaluate_as_lane
+
+    !> The record alone has found the rates of a state, the first of its samples.
+    subroutine note_evaluated(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)                !! (n)
+
+        self%n_by_record = self%n_by_record + 1
+        self%workspace%status = sample_ok
+        self%watch%is_compared = .false.
+        self%is_by_record = .true.
+        self%is_behind = .true.
+        self%t_tried = t
+        self%y_tried(:) = y
+    end subroutine note_evaluated
 
     !> What the record has left, on lanes.
     subroutine evaluate_rest(self, t, y, is_left, rate, failed)
@@ -684,7 +726,7 @@ contains
             if (is_held) call hold_variables(self, t)
             if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
             call pack_rates(model, self%layout, lanes, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
-            call pack_control_rates(self%layout, self%control, rate)
+            call pack_control_rates(self%layout, lanes, self%control, rate)
             call pack_current_rates(self%layout, self%n_used, self%motors, rate)
             call pack_pressure_rates(model, self%layout, self%n_used, self%cylinders, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
@@ -740,20 +782,25 @@ contains
     end subroutine note_failures
 
     !> Forces that drives apply whatever the state: of a record's samples these are inputs.
-    subroutine find_given_forces(self, t, force, status)
+    subroutine find_given_forces(self, t, force, has_failed)
         class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes)
-        real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator) [N, N m]
-        integer, intent(out) :: status(lanes)
+        real(wp), intent(in) :: t(:)                   !! of the first lanes
+        real(wp), intent(inout) :: force(:, :)         !! (lane, n_actuator) [N, N m]
+        logical, intent(out) :: has_failed(:)          !! (lane)
+        real(wp) :: instant(lanes)
 
-        force(:self%n_used, :) = 0
-        status = sample_ok
-        if (applies_motion_forces(self)) then
-            call find_motion_forces(t, self%n_used, self%of_motion)
-            force = self%of_motion%force
-            status = self%of_motion%status
-        end if
-        if (allocated(self%given_force)) force = spread(self%given_force, 1, lanes)
+        has_failed = .false.
+        associate (n => size(t))
+            if (applies_motion_forces(self)) then
+                instant = t(n)
+                instant(:n) = t
+                call find_motion_forces(instant, n, self%of_motion)
+                force(:n, :) = self%of_motion%force(:n, :)
+                has_failed(:n) = self%of_motion%status(:n) /= sample_ok
+            else if (allocated(self%given_force)) then
+                force(:n, :) = spread(self%given_force, 1, n)
+            end if
+        end associate
     end subroutine find_given_forces
 
     !> Do drives apply the forces that the scene's motion asks for?

@@ -11,7 +11,7 @@ module linkdyn_motion_forces
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         free_equations, prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_rates, use_forward_rates, free_forward_record, &
-        place_states, close_states, may_change_assembly, keep_stages, is_led_there, accept_recorded
+        place_states, close_states, leave_doubtful, keep_stages, is_led_there, accept_recorded
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
@@ -127,7 +127,7 @@ contains
         is_done = forces%is_by_record .and. all(is_accepted) .and. all(t == t(1) .and. t == forces%t)
         if (is_done) is_done = .not. is_led_there(forces%record)
         if (is_done) then
-            associate (found => forces%record%samples%found(:, 1), out => forces%record%recorded%out, n => forces%model%n_branch)
+            associate (found => forces%record%samples%found(1, :), out => forces%record%recorded%out, n => forces%model%n_branch)
                 call accept_recorded(forces%model, t, found(out%margin:out%margin + n - 1), found(out%drift:out%drift + n - 1), &
                                      forces%record, forces%assembly, is_done)
             end associate
@@ -267,7 +267,7 @@ contains
             allocate (recorded)
             call make_forward_rates(forces%model, forces%layout, unknown, .false., poses, recorded)
         end if
-        call use_forward_rates(forces%model, recorded, forces%record)
+        call use_forward_rates(forces%model, forces%layout, recorded, .false., forces%record)
         if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, poses%q, forces)
         forces%has_record = recorded%is_usable
     end subroutine record_motion_forces
@@ -342,14 +342,11 @@ contains
         associate (recorded => forces%record%recorded, samples => forces%record%samples)
             call run_rates(recorded, n, samples)
             if (forces%assembly%is_needed) then
-                do lane = 1, n
-                    samples%is_left(lane) = samples%is_left(lane) &
-                                            .or. may_change_assembly(forces%model, forces%assembly, lane, t(lane), forces%record)
-                end do
+                call leave_doubtful(forces%model, forces%assembly, n, t, forces%record)
                 call keep_stages(forces%assembly, n, forces%record)
             end if
             do i = 1, size(force, 2)
-                force(:, i) = samples%found(recorded%out%effort + i - 1, [(min(lane, n), lane=1, lanes)])
+                force(:, i) = samples%found([(min(lane, n), lane=1, lanes)], recorded%out%effort + i - 1)
             end do
         end associate
     end subroutine run_motion

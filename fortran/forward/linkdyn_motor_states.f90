@@ -74,7 +74,7 @@ contains
         type(equations_type), intent(in) :: equations
         type(state_layout), intent(in) :: layout
         integer, intent(in) :: n                       !! samples
-        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: t(:)                   !! [s] (lane)
         real(wp), intent(in) :: y(:, :)                !! (lane, n)
         type(forward_record), intent(inout) :: record
         type(motor_states), intent(inout) :: motors
@@ -132,7 +132,7 @@ contains
 
         do i = 1, size(layout%current)
             if (layout%current(i) > 0) &
-                rate(:, layout%current(i)) = motors%current_rate([(min(lane, n_used), lane=1, lanes)], i)
+                rate(:, layout%current(i)) = motors%current_rate([(min(lane, n_used), lane=1, size(rate, 1))], i)
         end do
     end subroutine pack_current_rates
 

@@ -8,7 +8,7 @@ module linkdyn_attitude
     implicit none (type, external)
     private
     public :: rotation_about_z, rotation_in_plane, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation
-    public :: rates_of_angles, rotation_by_quaternion
+    public :: rates_of_angles, rotation_by_quaternion, quaternion_rates
 
 contains
 
@@ -115,4 +115,15 @@ contains
         r%z = vector(p(2)*z2 + p(3)*w2, p(3)*z2 - p(2)*w2, one() - (p(2)*x2 + p(3)*y2))
     end function rotation_by_quaternion
 
+    !> Rate of a quaternion (scalar first) by an angular velocity in the axes that it turns from: half their product.
+    function quaternion_rates(p, omega) result(rate)
+        type(value), intent(in) :: p(4)
+        type(value), intent(in) :: omega(3)    !! [rad/s]
+        type(value) :: rate(4)
+
+        rate(1) = -(0.5_wp*(omega(1)*p(2) + omega(2)*p(3) + omega(3)*p(4)))
+        rate(2) = 0.5_wp*(omega(1)*p(1) + omega(2)*p(4) - omega(3)*p(3))
+        rate(3) = 0.5_wp*(omega(2)*p(1) + omega(3)*p(2) - omega(1)*p(4))
+        rate(4) = 0.5_wp*(omega(3)*p(1) + omega(1)*p(3) - omega(2)*p(2))
+    end function quaternion_rates
 end module linkdyn_attitude

@@ -43,6 +43,7 @@ module linkdyn_lane_system
         procedure :: meet_crossings
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
+        procedure, non_overridable :: evaluate_spread
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
         procedure :: part_in_sight
@@ -59,16 +60,26 @@ module linkdyn_lane_system
             import :: lane_system, wp, lanes
             class(lane_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)               !! (lane, n)
-            real(wp), intent(out) :: rate(:, :)           !! (lane, n)
+            real(wp), intent(in), contiguous :: y(:, :)   !! (lane, n)
+            real(wp), intent(out), contiguous :: rate(:, :)    !! (lane, n)
             logical, intent(out) :: failed(lanes)
         end subroutine evaluate_rates
     end interface
 
 contains
 
-    !> f of one solution, the same on all lanes.
+    !> f of one solution.
     subroutine evaluate_alone(self, t, y, rate, failed)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)                   !! (n)
+        real(wp), intent(out) :: rate(:)                  !! (n)
+        logical, intent(out) :: failed
+
+        call self%evaluate_spread(t, y, rate, failed)
+    end subroutine evaluate_alone
+
+    !> The same on all lanes.
+    subroutine evaluate_spread(self, t, y, rate, failed)
         class(lane_system), intent(inout) :: self
         real(wp), intent(in) :: t, y(:)                   !! (n)
         real(wp), intent(out) :: rate(:)                  !! (n)
@@ -93,7 +104,7 @@ contains
         failed = lane_failed(1) .or. .not. all(abs(rate) <= huge(1.0_wp))
         call move_alloc(ys, self%y_alone)
         call move_alloc(rates, self%rate_alone)
-    end subroutine evaluate_alone
+    end subroutine evaluate_spread
 
     !> How far y breaks a law that every solution keeps, energy's say, over what the errors allowed would; 0 if none is known.
     !> An error estimate knows only of the places that a step has looked at.
@@ -205,9 +216,9 @@ contains
     !> What an evaluation tells of jumps of f.
     subroutine note_mode(self, mode, rate, is_left)
         class(lane_system), intent(inout) :: self
-        real(wp), intent(in) :: mode(lanes)               !! of those that are used
+        real(wp), intent(in) :: mode(:)                   !! of those that are used, at least
         real(wp), intent(in) :: rate(:, :)                !! f (lane, n)
-        logical, intent(in), optional :: is_left(lanes)   !! it is not known there, others will tell it
+        logical, intent(in), optional :: is_left(:)       !! it is not known there, others will tell it
         integer :: lane
 
         do lane = 1, self%n_used

@@ -27,7 +27,7 @@ module linkdyn_following
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
-    public :: follower, footing, way_report, follow_way, is_step_sound
+    public :: follower, footing, way_report, follow_way, is_step_sound, doubt_unsound
     public :: way_arrived, way_at_singularity, way_ends, way_forks, way_too_long
     public :: largest_contraction, untrusted
 
@@ -384,4 +384,18 @@ contains
         if (abs(before) > least_margin) is_sound = before*(before + look_ahead*drift_before) > 0 .and. .not. before*now < 0
         if (abs(now) > least_margin) is_sound = is_sound .and. now*(now - look_ahead*drift_now) > 0
     end function is_step_sound
+
+    !> On lanes, of one map: where it may not be believed something is in doubt. Without a call for each.
+    pure subroutine doubt_unsound(least_margin, before, drift_before, now, drift_now, step, is_doubtful)
+        real(wp), intent(in) :: least_margin
+        real(wp), intent(in), contiguous, dimension(:) :: before, drift_before, now, drift_now     !! rates per unit of the steps (lane)
+        real(wp), intent(in), contiguous :: step(:)         !! (lane)
+        logical, intent(inout), contiguous :: is_doubtful(:)
+        integer :: lane
+
+        do lane = 1, size(before)
+            is_doubtful(lane) = is_doubtful(lane) .or. .not. is_step_sound( &
+                                least_margin, before(lane), step(lane)*drift_before(lane), now(lane), step(lane)*drift_now(lane))
+        end do
+    end subroutine doubt_unsound
 end module linkdyn_following

@@ -20,7 +20,8 @@ module linkdyn_laws
     type :: law_shape
         integer :: interval = 0                !! between its knots; 0: it has not begun
         logical :: from_end = .false.          !! in the second half of an interval: counted back from its end
-        real(wp) :: of(0:2) = 0                !! value, rate and acceleration of a course of unit size and duration
+        real(wp) :: of(0:2) = 0                !! value, rate and acceleration of a course of unit size; of a start-up one of unit
+                                               !! duration, too
     end type law_shape
 
     !> Instants for one law after the other: those that do the same in the same time share the search among these, and what costs most.
@@ -242,25 +243,28 @@ contains
         else
             shape%of = [u**3*(10 - u*(15 - 6*u)), 30*(u*(1 - u))**2, 60*u*(1 - u)*(1 - 2*u)]
         end if
-        if (shape%from_end) shape%of([0, 2]) = -shape%of([0, 2])
+        shape%of(1) = shape%of(1)/duration
+        shape%of(2) = shape%of(2)/duration**2
+        if (.not. shape%from_end) return
+        shape%of(0) = -shape%of(0)
+        shape%of(2) = -shape%of(2)
     end subroutine find_rest_to_rest
 
     pure subroutine take_rest_to_rest(law, shape, value, rate, acceleration)
         type(law_spec), intent(in) :: law
         type(law_shape), intent(in) :: shape
         real(wp), intent(out) :: value, rate, acceleration
-        real(wp) :: duration, stroke
+        real(wp) :: stroke
 
         associate (n => size(law%time), i => shape%interval)
             rate = 0
             acceleration = 0
             value = law%knot(max(i, 1))
             if (i == 0 .or. i == n) return
-            duration = law%time(i + 1) - law%time(i)
             stroke = law%knot(i + 1) - law%knot(i)
             value = merge(law%knot(i + 1), law%knot(i), shape%from_end) + stroke*shape%of(0)
-            rate = stroke*shape%of(1)/duration
-            acceleration = stroke*shape%of(2)/duration**2
+            rate = stroke*shape%of(1)
+            acceleration = stroke*shape%of(2)
         end associate
     end subroutine take_rest_to_rest
 

@@ -1,13 +1,14 @@
 !> The program of forward dynamics: from coordinates, their rates and what acts to accelerations, with the elimination of
 !> all reactions inside. Where all accelerations are given it finds driving forces, for the stages of forward runs.
 module linkdyn_rate_program
+    use linkdyn_attitude, only: quaternion_rates
     use linkdyn_force_program, only: trace_redundancy
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_joint_variables, only: variable_rate
     use linkdyn_layout, only: sparse_layout
     use linkdyn_link_wrenches, only: applied_power
     use linkdyn_margins, only: assembly_margins
-    use linkdyn_model, only: model_type, counts_for_another, friction_is_shared
+    use linkdyn_model, only: model_type, counts_for_another, friction_is_shared, gives_attitude, attitude_angles
     use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene, only: side_joint
@@ -32,6 +33,7 @@ module linkdyn_rate_program
         integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it; of others zero
                                                !! [N, N m] (n_actuator)
         integer :: counted = 0                 !! rates of the angles that coordinates stand in for [rad/s] (n_q, of others zero)
+        integer :: quaternion = 0              !! rates of attitudes that are given so [1/s] (4 n_attitude); 0: by their angles
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
@@ -55,6 +57,7 @@ contains
         type(value), dimension(model%n_branch) :: margin, drift
         type(value), allocatable :: effort(:)
         type(value) :: power(2)
+        integer :: n_turning
 
         call open_record(record, sample%n)
         call trace_accelerations(model, request, sample, traced)
@@ -65,8 +68,8 @@ contains
             allocate (effort(0))
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
             call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, &
-                                              transmitted_forces(traced), counted_rates(traced), power, alarm_of(traced), &
-                                              reach_of(traced)])
+                                              transmitted_forces(traced), counted_rates(traced), attitude_rates(traced), power, &
+                                              alarm_of(traced), reach_of(traced)])
             if (allocated(traced%contact)) then
                 call compile_with_friction(record, traced, list, friction, program)
             else
@@ -74,9 +77,11 @@ contains
             end if
             out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
                                effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
-                               transmitted=size(list%v) - 3 - model%n_q - model%n_actuator, &
-                               counted=size(list%v) - 3 - model%n_q, work=size(list%v) - 3, supplied=size(list%v) - 2, &
-                               alarm=size(list%v) - 1, reach=size(list%v))
+                               work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
+            n_turning = merge(4*model%n_attitude, 0, request%by_quaternion)
+            out%quaternion = merge(out%work - n_turning, 0, n_turning > 0)
+            out%counted = out%work - n_turning - model%n_q
+            out%transmitted = out%counted - model%n_actuator
         end if
         call close_record(record)
     end subroutine make_rate_program
@@ -136,6 +141,27 @@ contains
             end do
         end associate
     end function counted_rates
+
+    !> Of attitudes, where quaternions give them: their angular velocities stand in place of the rates of angles.
+    function attitude_rates(traced) result(rate)
+        type(traced_type), intent(in) :: traced
+        type(value), allocatable :: rate(:)
+        integer :: i
+
+        associate (mechanism => traced%mechanism, model => traced%mechanism%model)
+            if (.not. allocated(mechanism%quaternion)) then
+                allocate (rate(0))
+                return
+            end if
+            allocate (rate(4*model%n_attitude))
+            do i = 1, size(model%step)
+                if (.not. gives_attitude(model, model%step(i))) cycle
+                associate (p => model%step(i)%first)
+                    rate(4*p - 3:4*p) = quaternion_rates(mechanism%quaternion(:, p), mechanism%qd(attitude_angles(model%step(i))))
+                end associate
+            end do
+        end associate
+    end function attitude_rates
 
     !> Of the driving forces, and of all forces but gravity.
     function powers(traced) result(power)

@@ -7,7 +7,7 @@ module linkdyn_recorded_rates
     use linkdyn_block, only: block_lanes
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch, in_pull, in_base, in_payload, in_place, in_counted
+        in_branch, in_pull, in_base, in_payload, in_place, in_counted, n_block
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
@@ -20,7 +20,7 @@ module linkdyn_recorded_rates
     use linkdyn_samples, only: sample_arrays, set_block
     use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
-        goes_to, free_scene_program, free_program_space
+        run_columns, most_lanes, goes_to, free_scene_program, free_program_space, input_wiring, column_list, wire_inputs, run_wired
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
@@ -33,6 +33,7 @@ module linkdyn_recorded_rates
         type(scene_program) :: program
         type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
         type(rate_outputs) :: out
+        type(input_wiring), private :: of_samples      !! all its inputs from samples
         type(scene_program) :: looks                   !! at the ends of steps; not made if nobody wants that
         type(look_outputs) :: look
         type(friction_programs) :: friction            !! not made if nothing rubs
@@ -59,7 +60,7 @@ module linkdyn_recorded_rates
         real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
-        real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
+        real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (sample, value)
         real(wp), pointer, contiguous :: seen(:, :) => null()          !! as `look_outputs` tells (value, sample)
         real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
@@ -88,6 +89,7 @@ contains
         call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out, &
                                recorded%friction)
         recorded%is_usable = recorded%program%is_made
+        if (recorded%is_usable) call wire_inputs(recorded%program, spread(column_list(), 1, n_block), recorded%of_samples)
         if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
                                       .or. any(model%scene%actuator%drive%side /= side_joint))) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
@@ -140,7 +142,7 @@ contains
             allocate (samples%measured(samples%n_measure + 2*model%n_actuator, n), samples%turned(samples%n_measure, n), &
                       source=0.0_wp)
         end associate
-        allocate (samples%found(recorded%out%n, n), samples%seen(recorded%look%n, n), samples%is_left(n), samples%t(n), &
+        allocate (samples%found(n, recorded%out%n), samples%seen(recorded%look%n, n), samples%is_left(n), samples%t(n), &
                   samples%mode(n))
         samples%t = 0
         samples%mode = 0
@@ -224,29 +226,36 @@ contains
         end subroutine add
     end subroutine apply_laws
 
-    !> Run the first n samples, but those that are left already; says which others are.
-    subroutine run_rates(recorded, n, samples, laws_are_there)
+    !> Run the first n samples, but those that are left already; says which others are. A part of the inputs may come from columns in
+    !> place of the samples, unless something rubs.
+    subroutine run_rates(recorded, n, samples, laws_are_there, wiring, columns)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
         logical, intent(in), optional :: laws_are_there    !! `apply_laws` has been called for these samples; absent: false
+        type(input_wiring), intent(in), optional :: wiring     !! absent: all from the samples
+        real(wp), intent(in), contiguous, optional :: columns(:, :)    !! that it speaks of (sample, column)
+        real(wp) :: none(1, 1)
         logical :: has_laws
         integer :: i
 
         if (all(samples%is_left(:n))) return
         has_laws = .false.
         if (present(laws_are_there)) has_laws = laws_are_there
-        if (.not. has_laws) call apply_laws(recorded, n, samples)
+        if (recorded%measures%is_made .and. .not. has_laws) call apply_laws(recorded, n, samples)
         if (recorded%friction%is_made) then
             call run_rubbing(recorded, n, samples)
+        else if (present(wiring)) then
+            call run_wired(recorded%program, wiring, samples%arrays, size(columns, 1), columns, out_rates, n, samples%one, &
+                           samples%block, samples%found, samples%is_left)
         else
-            call run_program(recorded%program, out_rates, n, samples%arrays, samples%one, samples%block, samples%found)
+            call run_wired(recorded%program, recorded%of_samples, samples%arrays, 1, none, out_rates, n, samples%one, &
+                           samples%block, samples%found, samples%is_left)
         end if
         ! Written so that what is no number counts as an alarm.
         do i = 1, n
-            samples%is_left(i) = samples%is_left(i) .or. .not. (samples%found(recorded%out%alarm, i) <= 1 &
-                                                                .and. samples%found(recorded%out%reach, i) > 0 &
-                                                                .and. sum(abs(samples%found(:, i))) <= huge(1.0_wp))
+            samples%is_left(i) = samples%is_left(i) .or. .not. (samples%found(i, recorded%out%alarm) <= 1 &
+                                                                .and. samples%found(i, recorded%out%reach) > 0)
         end do
     end subroutine run_rates
 
@@ -257,14 +266,17 @@ contains
         type(rate_samples), intent(inout), target :: samples
         type(sample_arrays) :: settled
         type(output_target) :: to(1)
-        logical :: is_left
+        logical :: is_left, is_bad(most_lanes)
         integer :: first, count
+
 
         if (n == 1) then
             settled = samples%arrays
             call settle_one(recorded%friction, block_lanes(), samples%arrays, samples%friction, settled, is_left)
             samples%is_left(1) = is_left
-            if (.not. is_left) call run_one_sample(recorded%program, settled, samples%one, samples%found(:, 1))
+            if (is_left) return
+            call run_one_sample(recorded%program, settled, samples%one, samples%found(1, :))
+            samples%is_left(1) = .not. sum(abs(samples%found(1, :))) <= huge(1.0_wp)
             return
         end if
         to(1) = goes_to(out_rates, samples%found)
@@ -274,30 +286,37 @@ contains
             call settle_block(recorded%friction, block_lanes(), samples%arrays, first, count, samples%friction, settled, &
                               samples%is_left(first:first + count - 1))
             call load_samples(recorded%program, settled, first, count, samples%block)
-            call run_samples(recorded%program, samples%block, first, count, to)
+            call run_columns(recorded%program, samples%block, first, count, to, is_bad(:count))
+            where (is_bad(:count)) samples%is_left(first:first + count - 1) = .true.
         end do
     end subroutine run_rubbing
 
     !> All that a program finds, of the first n samples: of one alone by itself, which takes a part of what a block takes.
-    subroutine run_program(program, id, n, arrays, one, block, found)
+    subroutine run_program(program, id, n, arrays, one, block, found, is_bad)
         type(scene_program), intent(in) :: program
         integer, intent(in) :: id                          !! of the output
         integer, intent(in) :: n
         type(sample_arrays), intent(in) :: arrays
         type(program_space), intent(inout) :: one, block
         real(wp), intent(inout), target, contiguous :: found(:, :)     !! (value, sample)
+        logical, intent(inout), optional :: is_bad(:)      !! set where a number is not finite (sample)
         type(output_target) :: to(1)
         integer :: first, count
 
         if (n == 1) then
             call run_one_sample(program, arrays, one, found(:, 1))
+            if (present(is_bad)) is_bad(1) = is_bad(1) .or. .not. sum(abs(found(:, 1))) <= huge(1.0_wp)
             return
         end if
         to(1) = goes_to(id, found)
         do first = 1, n, block_lanes()
             count = min(block_lanes(), n - first + 1)
             call load_samples(program, arrays, first, count, block)
-            call run_samples(program, block, first, count, to)
+            if (present(is_bad)) then
+                call run_samples(program, block, first, count, to, is_bad(first:first + count - 1))
+            else
+                call run_samples(program, block, first, count, to)
+            end if
         end do
     end subroutine run_program
 
@@ -308,11 +327,11 @@ contains
         type(rate_samples), intent(inout), target :: samples
         integer :: i
 
-        call run_program(recorded%looks, out_looks, n, samples%arrays, samples%one_seen, samples%block_seen, samples%seen)
+        call run_program(recorded%looks, out_looks, n, samples%arrays, samples%one_seen, samples%block_seen, samples%seen, &
+                         samples%is_left)
         do i = 1, n
             samples%is_left(i) = samples%is_left(i) .or. .not. (samples%seen(recorded%look%alarm, i) <= 1 &
-                                                                .and. samples%seen(recorded%look%reach, i) > 0 &
-                                                                .and. sum(abs(samples%seen(:, i))) <= huge(1.0_wp))
+                                                                .and. samples%seen(recorded%look%reach, i) > 0)
         end do
     end subroutine run_looks
 end module linkdyn_recorded_rates

@@ -13,6 +13,7 @@ module linkdyn_scene_program
     public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
     public :: load_samples, run_samples, run_one_sample, output_target, goes_to, has_output, program_space, free_program_space
     public :: load_columns, run_columns, most_lanes
+    public :: input_wiring, column_list, wire_inputs, run_wired
 
     integer, parameter :: most_lanes = 64              !! bits that tell which samples of a block are not finite
 
@@ -30,6 +31,17 @@ module linkdyn_scene_program
         integer :: n = 0
         integer :: slot = 0                            !! of the first, among the inputs
     end type input_segment
+
+    !> Numbers of a block that somebody else has in columns.
+    type :: column_list
+        integer, allocatable :: of(:)                  !! column of each number; 0: it is in the arrays of samples. Not allocated: all are
+    end type column_list
+
+    !> From where inputs come.
+    type :: input_wiring
+        type(input_segment), allocatable, private :: row(:)    !! from the arrays of samples
+        type(input_segment), allocatable, private :: column(:) !! from columns: `first` is one of these
+    end type input_wiring
 
     type :: scene_program
         type(program_type) :: program
@@ -108,21 +120,51 @@ contains
 
         subroutine add_input(block, place, slot)
             integer, intent(in) :: block, place, slot
-            integer :: last
 
-            if (.not. program%kernel%uses(slot)) return
-            last = size(program%input)
-            if (last > 0) then
-                associate (s => program%input(last))
-                    if (s%block == block .and. s%first + s%n == place .and. s%slot + s%n == slot) then
-                        s%n = s%n + 1
-                        return
-                    end if
-                end associate
-            end if
-            program%input = [program%input, input_segment(block, place, 1, slot)]
+            if (program%kernel%uses(slot)) call add_segment(block, place, slot, program%input)
         end subroutine add_input
     end subroutine make_scene_program
+
+    !> One more number; beside the last one, if that is its neighbour.
+    pure subroutine add_segment(block, place, slot, segment)
+        integer, intent(in) :: block, place, slot
+        type(input_segment), allocatable, intent(inout) :: segment(:)
+        integer :: last
+
+        last = size(segment)
+        if (last > 0) then
+            associate (s => segment(last))
+                if (s%block == block .and. s%first + s%n == place .and. s%slot + s%n == slot) then
+                    s%n = s%n + 1
+                    return
+                end if
+            end associate
+        end if
+        segment = [segment, input_segment(block, place, 1, slot)]
+    end subroutine add_segment
+
+    !> Which inputs come from columns, (sample, column), that somebody else has them in.
+    pure subroutine wire_inputs(program, column, wiring)
+        type(scene_program), intent(in) :: program
+        type(column_list), intent(in) :: column(n_block)
+        type(input_wiring), intent(out) :: wiring
+        integer :: k, i, place
+
+        allocate (wiring%row(0), wiring%column(0))
+        do k = 1, size(program%input)
+            associate (s => program%input(k))
+                do i = 0, s%n - 1
+                    place = 0
+                    if (allocated(column(s%block)%of)) place = column(s%block)%of(s%first + i)
+                    if (place > 0) then
+                        call add_segment(0, place, s%slot + i, wiring%column)
+                    else
+                        call add_segment(s%block, s%first + i, s%slot + i, wiring%row)
+                    end if
+                end do
+            end associate
+        end do
+    end subroutine wire_inputs
 
     subroutine free_scene_program(program)
         type(scene_program), intent(inout) :: program
@@ -156,16 +198,24 @@ contains
             if (present(only_block)) then
                 if (program%input(k)%block /= only_block) cycle
             end if
-            associate (s => program%input(k), x => arrays%of(program%input(k)%block)%x, &
-                       before => arrays%of(program%input(k)%block)%before)
-                if (size(x, 2) == 1) then
-                    call gather(x(s%first, 1), 0, count, s%n, s%slot, space%block)
-                else
-                    call gather(x(s%first, first - before), size(x, 1), count, s%n, s%slot, space%block)
-                end if
-            end associate
+            call load_segment(program%input(k), arrays, first, count, space)
         end do
     end subroutine load_samples
+
+    subroutine load_segment(segment, arrays, first, count, space)
+        type(input_segment), intent(in) :: segment
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(program_space), intent(in) :: space
+
+        associate (s => segment, x => arrays%of(segment%block)%x, before => arrays%of(segment%block)%before)
+            if (size(x, 2) == 1) then
+                call gather(x(s%first, 1), 0, count, s%n, s%slot, space%block)
+            else
+                call gather(x(s%first, first - before), size(x, 1), count, s%n, s%slot, space%block)
+            end if
+        end associate
+    end subroutine load_segment
 
     subroutine free_program_space(space)
         type(program_space), intent(inout) :: space
@@ -292,22 +342,100 @@ contains
         type(sample_arrays), intent(in) :: arrays
         type(program_space), intent(inout) :: space    !! for single samples only
         real(wp), intent(out) :: output(:)             !! (value)
-        integer :: g, k, first
+        integer :: k
 
-        if (space%lanes == 0) then
-            call make_space(program%program, .true., space%block)
-            space%lanes = 1
-        end if
+        call need_single(program, space)
         do k = 1, size(program%input)
-            associate (s => program%input(k))
-                call gather_single(arrays%of(s%block)%x(s%first:s%first + s%n - 1, 1), s%slot, space%block)
-            end associate
+            call load_single(program%input(k), arrays, space)
         end do
+        call run_loaded_one(program, space, output)
+    end subroutine run_one_sample
+
+    !> Room for single samples, from whoever comes first.
+    subroutine need_single(program, space)
+        type(scene_program), intent(in) :: program
+        type(program_space), intent(inout) :: space
+
+        if (space%lanes > 0) return
+        call make_space(program%program, .true., space%block)
+        space%lanes = 1
+    end subroutine need_single
+
+    subroutine load_single(segment, arrays, space)
+        type(input_segment), intent(in) :: segment
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(in) :: space
+
+        associate (s => segment)
+            call gather_single(arrays%of(s%block)%x(s%first:s%first + s%n - 1, 1), s%slot, space%block)
+        end associate
+    end subroutine load_single
+
+    subroutine run_loaded_one(program, space, output)
+        type(scene_program), intent(in) :: program
+        type(program_space), intent(in) :: space
+        real(wp), intent(out) :: output(:)             !! (value)
+        integer :: g, first
+
         first = 1
         do g = 1, size(program%program%group_end)
             call run_single(program%program, g, space%block)
             call scatter_single(program%program, space%block, first, output(first:program%program%group_end(g)))
             first = program%program%group_end(g) + 1
         end do
-    end subroutine run_one_sample
+    end subroutine run_loaded_one
+
+    !> The first n samples, of which a part of the inputs lies in columns; the output goes to columns, too. One sample alone takes a part of
+    !> what a block takes. Says in which further samples a number is not finite.
+    subroutine run_wired(program, wiring, arrays, stride, columns, id, n, one, block, found, is_bad)
+        type(scene_program), intent(in) :: program
+        type(input_wiring), intent(in) :: wiring
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: stride                  !! from one column to the next
+        real(wp), intent(in) :: columns(stride, *)     !! (sample, column)
+        integer, intent(in) :: id                      !! of the output
+        integer, intent(in) :: n
+        type(program_space), intent(inout) :: one, block
+        real(wp), intent(inout), target, contiguous :: found(:, :)     !! (sample, value)
+        logical, intent(inout) :: is_bad(:)            !! (sample)
+        type(output_target) :: to(1)
+        logical :: is_bad_here(most_lanes)
+        integer :: first, count, k
+
+        if (n == 1) then
+            call need_single(program, one)
+            do k = 1, size(wiring%row)
+                call load_single(wiring%row(k), arrays, one)
+            end do
+            do k = 1, size(wiring%column)
+                call put(1, 1, wiring%column(k), one)
+            end do
+            call run_loaded_one(program, one, found(1, :))
+            is_bad(1) = is_bad(1) .or. .not. sum(abs(found(1, :))) <= huge(1.0_wp)
+            return
+        end if
+        call need_block(program, block)
+        to(1) = goes_to(id, found)
+        do first = 1, n, block%lanes
+            count = min(block%lanes, n - first + 1)
+            do k = 1, size(wiring%row)
+                call load_segment(wiring%row(k), arrays, first, count, block)
+            end do
+            do k = 1, size(wiring%column)
+                call put(first, count, wiring%column(k), block)
+            end do
+            call run_columns(program, block, first, count, to, is_bad_here(:count))
+            is_bad(first:first + count - 1) = is_bad(first:first + count - 1) .or. is_bad_here(:count)
+        end do
+
+    contains
+
+        subroutine put(first, count, segment, space)
+            integer, intent(in) :: first, count
+            type(input_segment), intent(in) :: segment
+            type(program_space), intent(in) :: space
+
+            call put_columns(count, stride, columns(first, segment%first), segment%n, segment%slot, space%block)
+        end subroutine put
+    end subroutine run_wired
 end module linkdyn_scene_program

@@ -46,8 +46,9 @@ contains
 
     subroutine evaluate_orbit(self, t, y, rate, failed)
         class(orbit), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes), y(:, :)
-        real(wp), intent(out) :: rate(:, :)
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in), contiguous :: y(:, :)
+        real(wp), intent(out), contiguous :: rate(:, :)
         logical, intent(out) :: failed(lanes)
         real(wp) :: cube(lanes)
 
@@ -210,8 +211,9 @@ contains
 
     subroutine evaluate_block(self, t, y, rate, failed)
         class(sliding_block), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes), y(:, :)
-        real(wp), intent(out) :: rate(:, :)
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in), contiguous :: y(:, :)
+        real(wp), intent(out), contiguous :: rate(:, :)
         logical, intent(out) :: failed(lanes)
 
         failed = t > huge(1.0_wp)

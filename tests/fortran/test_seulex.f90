@@ -40,8 +40,9 @@ contains
 
     subroutine evaluate_spring(self, t, y, rate, failed)
         class(spring_ahead), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes), y(:, :)
-        real(wp), intent(out) :: rate(:, :)
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in), contiguous :: y(:, :)
+        real(wp), intent(out), contiguous :: rate(:, :)
         logical, intent(out) :: failed(lanes)
 
         failed = t > huge(1.0_wp)
@@ -89,8 +90,9 @@ contains
 
     subroutine evaluate_push(self, t, y, rate, failed)
         class(pushed_mass), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes), y(:, :)
-        real(wp), intent(out) :: rate(:, :)
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in), contiguous :: y(:, :)
+        real(wp), intent(out), contiguous :: rate(:, :)
         logical, intent(out) :: failed(lanes)
 
         failed = t > huge(1.0_wp)
