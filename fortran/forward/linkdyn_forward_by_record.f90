@@ -7,7 +7,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
-        take_rates, place_touches, leave_doubtful, keep_stages, apply_record_laws
+        carry_states, take_rates, place_touches, leave_doubtful, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
     use linkdyn_led_mechanism, only: measure_margins
@@ -152,6 +152,7 @@ contains
             if (self%record%recorded%looks%is_made) then
                 call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
                 call measure_joints(self%model, self%workspace%state, variable, variable_rate)
+                call carry_states(lanes, y, self%record)
                 call run_looks(self%record%recorded, lanes, self%record%samples)
             end if
             do lane = 1, min(lanes, size(pose, 2) - first + 1)

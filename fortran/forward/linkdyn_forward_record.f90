@@ -35,7 +35,7 @@ module linkdyn_forward_record
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
-    public :: place_states, place_touches, close_states, close_near, run_states, take_rates, leave_doubtful, &
+    public :: place_states, carry_states, place_touches, close_states, close_near, run_states, take_rates, leave_doubtful, &
         keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
@@ -258,7 +258,7 @@ contains
 
         associate (samples => record%samples, wires => record%wires)
             call leave_no_number(n, y, samples%is_left)
-            if (.not. record%by_columns) call carry_states(wires, n, y, samples)
+            if (.not. record%by_columns) call carry_states(n, y, record)
             call carry_with_turns(wires%counted, n, y, turns, samples%counted)
             samples%t(:n) = t(:n)
             call look_at_laws(model, layout, samples%t(:n), record)
@@ -279,15 +279,17 @@ contains
         end associate
     end subroutine place_states
 
-    subroutine carry_states(wires, n, y, samples)
-        type(state_wires), intent(in) :: wires
+    !> Into the samples, for whoever asks other programs than that of the rates.
+    subroutine carry_states(n, y, record)
         integer, intent(in) :: n
         real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
-        type(rate_samples), intent(inout) :: samples
+        type(forward_record), intent(inout) :: record
 
-        call carry(wires%qd, n, y, samples%qd)
-        call carry(wires%q, n, y, samples%q)
-        call carry(wires%quaternion, n, y, samples%quaternion)
+        associate (samples => record%samples, wires => record%wires)
+            call carry(wires%qd, n, y, samples%qd)
+            call carry(wires%q, n, y, samples%q)
+            call carry(wires%quaternion, n, y, samples%quaternion)
+        end associate
     end subroutine carry_states
 
     !> What is no number must not pass through a choice of the record.

@@ -6,6 +6,7 @@ module test_recorded_rates
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
         finish_forward, method_gbs, method_rk4, method_seulex
     use linkdyn_forward_state, only: fill_start
+    use linkdyn_forward_look, only: wants_looks
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -194,6 +195,7 @@ contains
         call system%make_record(t(1))
         call check(error, system%may_record, name//": a record was made, and agreed with the lanes")
         if (.not. system%may_record) return
+        if (wants_looks(model)) call check(error, system%looks%is_usable, name//": the ends of steps are seen by it, and agree, too")
         do turns = 0, 3, 3
             where (spread(system%is_angle, 1, lanes)) system%turns = turns
             call system%evaluate_on_lanes(t, y, by_lanes, failed)
