@@ -7,11 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 from matplotlib.text import Text
 from PIL import Image
 
 import linkdyn
 from linkdyn import plot
+from linkdyn._drawing.names import sampled
 from linkdyn._sheets import run_sheet
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
@@ -138,6 +140,37 @@ def test_numbers_of_narrow_axes_do_not_overlap(name):
     for one in (axis.xaxis, axis.yaxis, *([axis.zaxis] if hasattr(axis, "zaxis") else [])):
         boxes = [tick.label1.get_window_extent() for tick in one.get_major_ticks() if tick.label1.get_text() and tick.label1.get_visible()]
         assert not any(box.overlaps(other) for k, box in enumerate(boxes) for other in boxes[:k]), (name, one.axis_name)
+
+
+@pytest.mark.parametrize("name", ["worm_winch", "air_bearing_stage", "bucket_tappet", "stewart_taghirad"])
+def test_pictures_in_space_are_as_large_as_what_is_drawn(name, tmp_path):
+    """Also when they are saved without a wish for that; tall and flat mechanisms as those between."""
+    figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / name / "scene.toml"))
+    for border in (None, "tight"):
+        figure.savefig(tmp_path / "scene.png", dpi=60, bbox_inches=border)
+        rows, columns = np.nonzero((plt.imread(tmp_path / "scene.png")[..., :3] < 0.99).any(axis=2))
+        height, width = plt.imread(tmp_path / "scene.png").shape[:2]
+        assert max(rows.min(), columns.min(), height - 1 - rows.max(), width - 1 - columns.max()) < 0.25 * 60, border
+        assert min(rows.min(), columns.min(), height - 1 - rows.max(), width - 1 - columns.max()) > 0, border
+    figure.draw_without_rendering()
+    legend = axis.get_legend().get_window_extent()
+    assert not legend.overlaps(axis.title.get_window_extent()) and axis.title.get_window_extent().y0 < legend.y1 + 20
+
+
+@pytest.mark.parametrize("name", ["worm_winch", "bucket_tappet", "flyball_governor", "agile_eye", "ship_hexapod"])
+def test_numbers_in_space_stand_beside_their_axis(name):
+    figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / name / "scene.toml"))
+    figure.draw_without_rendering()
+    numbers = []
+    for one in (axis.xaxis, axis.yaxis, axis.zaxis):
+        low, high = one.get_view_interval()
+        line = sampled(one.line.get_transform().transform(one.line.get_xydata()), 1.0)
+        own = [tick.label1.get_window_extent() for tick in one.get_major_ticks() if low <= tick.get_loc() <= high]
+        for box in own:
+            gap = np.linalg.norm(np.maximum(np.abs(line - (box.min + box.max) / 2) - box.size / 2, 0.0), axis=1).min()
+            assert 1.0 < gap < 20.0, (one.axis_name, gap)
+        numbers.append(own)
+    assert not any(box.overlaps(other) for k, some in enumerate(numbers) for others in numbers[:k] for box in some for other in others)
 
 
 @pytest.mark.parametrize("name", ["crankshaft_bearings", "double_wishbone", "worm_winch"])

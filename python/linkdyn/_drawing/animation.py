@@ -29,8 +29,9 @@ from ..results import inputs_of
 from ..scene import Scene
 from .arguments import checked
 from .forces import Forces, find_forces, force_kinds
-from .mechanisms import draw, picture_size, set_limits
+from .mechanisms import draw, new_axes, set_limits
 from .planar_shapes import unit_of
+from .spatial_axes import SpatialAxes
 
 __all__ = ["animate"]
 
@@ -104,7 +105,7 @@ def animate(
     postures, assembled = find_postures(mechanism, poses_of(mechanism, run))
     shown = _choose_samples(run, postures, assembled, frames)
     arrows = find_forces(run, postures, force_kinds("animate", forces, mechanism.planar))
-    figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
+    figure = Figure(dpi=DPI, layout="constrained" if mechanism.planar else None)
     pictures = _draw_frames(FigureCanvasAgg(figure), run, postures, arrows, shown, names)
     if path.suffix == ".gif":
         film = _gif(pictures, fps, sorted({COLOUR[item.kind] for item in arrows}))
@@ -144,7 +145,7 @@ def _draw_frames(
 ) -> Iterator[NDArray[np.uint8]]:
     """One picture after another, each as (height, width, 4) bytes."""
     figure, planar = canvas.figure, postures.scene.planar
-    ax: Any = figure.add_subplot() if planar else figure.add_axes((0.0, 0.0, 0.95, 0.9), projection="3d")
+    ax: Any = new_axes(figure, postures, LARGEST)
     extent = np.ptp(postures.points.reshape(-1, 3), axis=0).max()
     force, torque = _largest(arrows, shown, False), _largest(arrows, shown, True)
     scale = ARROW * extent / force if force > 0 else 0.0
@@ -165,10 +166,19 @@ def _draw_frames(
                     length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
                     _draw_arrow(ax, start, length * value, colour, planar)
         _write(ax, run, arrows, sample, force, torque, postures)
+        if sample == shown[0] and not planar:
+            ax.crop(_tips(arrows, starts, shown, scale, ARROW * extent / torque if torque > 0 else 0.0))
         canvas.draw()  # type: ignore[no-untyped-call]
         if sample == shown[0]:
             figure.set_layout_engine("none")  # frames of one size: what they say about it changes with the digits
         yield np.array(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+
+
+def _tips(arrows: list[Forces], starts: list[Points], shown: NDArray[np.intp], scale: float, torque_scale: float) -> Points:
+    """(n, 3) where the arrows of all frames end."""
+    tips = [(start + (torque_scale if item.is_torque else scale) * item.force)[shown].reshape(-1, 3) for item, start in zip(arrows, starts)]
+    ends: Points = np.concatenate([np.zeros((0, 3)), *tips])
+    return ends[np.isfinite(ends).all(axis=1)]
 
 
 def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
@@ -206,7 +216,7 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
     """Title, instant, and what the arrows mean."""
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
     title = printable(run.attrs.get("title", ""))
-    ax.set_title(f"{title}\n{moment}" if title else moment, fontsize="small")
+    heading = f"{title}\n{moment}" if title else moment
     forces = [item for item in arrows if not item.is_torque and force > 0]
     labels = [(COLOUR[item.kind], item.label) for item in forces]
     if forces:
@@ -214,8 +224,14 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
     labels += [(COLOUR[item.kind], f"{item.label} (longest {_round(torque)}N·m)") for item in arrows if item.is_torque and torque > 0]
     if labels:
         handles = [Line2D([], [], color=colour, linewidth=2.0, label=label) for colour, label in labels]
-        place: Corner = _empty_corner(ax, postures, len(labels)) if postures.scene.planar else "upper left"
-        ax.legend(handles=handles, loc=place, framealpha=0.8, edgecolor="none", fontsize=6.5)
+        if isinstance(ax, SpatialAxes):
+            ax.put_legend(handles, fontsize=6.5)
+        else:
+            ax.legend(handles=handles, loc=_empty_corner(ax, postures, len(labels)), framealpha=0.8, edgecolor="none", fontsize=6.5)
+    if isinstance(ax, SpatialAxes):
+        ax.put_title(heading, fontsize="small")
+    else:
+        ax.set_title(heading, fontsize="small")
 
 
 def _empty_corner(ax: Axes, postures: Postures, n_line: int) -> Corner:
@@ -238,7 +254,9 @@ def _mp4(pictures: Iterator[NDArray[np.uint8]], figure: Figure, fps: float) -> b
     writer = animation.FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
+        next(pictures)      # from then on the figure has its size
         with writer.saving(figure, path, DPI):
+            writer.grab_frame()
             for _ in pictures:
                 writer.grab_frame()
         return path.read_bytes()

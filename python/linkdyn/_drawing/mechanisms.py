@@ -18,9 +18,10 @@ from ..scene import Scene
 from .arguments import checked
 from .lines import scale_axis
 from .planar_shapes import draw_planar
+from .spatial_axes import SpatialAxes, add_spatial_axes, set_apart
 from .spatial_shapes import draw_spatial
 
-__all__ = ["draw", "mechanism", "picture_size", "set_limits"]
+__all__ = ["draw", "mechanism", "new_axes", "set_limits"]
 
 Points = NDArray[np.float64]
 
@@ -62,13 +63,23 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
     if not assembled[0]:
         raise InputError("mechanism: it cannot be assembled in this position")
     if ax is None:
-        figure = pyplot.figure(figsize=picture_size(postures), layout="constrained")
-        ax = figure.add_subplot(projection=None if scene.planar else "3d")
+        ax = new_axes(pyplot.figure(layout="constrained" if scene.planar else "none"), postures)
     set_limits(ax, postures)
-    if scene.title:     # before names are put into the room that it leaves
+    if scene.title and not isinstance(ax, SpatialAxes):     # before names are put into the room that it leaves
         ax.set_title(printable(scene.title), fontsize="medium")
     draw(ax, postures, 0, names)
+    if isinstance(ax, SpatialAxes):
+        ax.put_title(printable(scene.title), fontsize="medium")
+        ax.crop()
     return ax.figure, ax
+
+
+def new_axes(figure: Figure, postures: Postures, largest: tuple[float, float] = LARGEST) -> Axes:
+    """The only axes of a figure, for a picture that is not larger than so much [inch]."""
+    if not postures.scene.planar:
+        return add_spatial_axes(figure, largest)
+    figure.set_size_inches(picture_size(postures, largest))
+    return figure.add_subplot()
 
 
 def draw(ax: Axes, postures: Postures, sample: int, names: bool) -> None:
@@ -97,10 +108,8 @@ def _limits(postures: Postures) -> tuple[Points, Points]:
     return lowest - room, highest + room
 
 
-def picture_size(postures: Postures, largest: tuple[float, float] = LARGEST) -> tuple[float, float]:
-    """Size of a picture [inch] in which nothing is lost to empty margins: a flat mechanism has a flat picture."""
-    if not postures.scene.planar:
-        return largest
+def picture_size(postures: Postures, largest: tuple[float, float]) -> tuple[float, float]:
+    """Size of a planar picture [inch] in which nothing is lost to empty margins: a flat mechanism has a flat picture."""
     lowest, highest = _limits(postures)
     width, height = (highest - lowest)[:2]
     surround = (0.8, 1.0)  # numbers and names of the axes, title
@@ -123,10 +132,11 @@ def set_limits(ax: Any, postures: Postures) -> None:
             getattr(ax, f"set_{name}ticks")([0.5 * (low + high)])
         if size >= LARGE:
             getattr(ax, f"set_{name}label")(f"{name} [m]")
-        if not postures.scene.planar:
-            getattr(ax, f"{name}axis").labelpad = 8     # matplotlib's own lies over numbers of three digits
     if postures.scene.planar:
         ax.set_aspect("equal")
     else:
         ax.set_box_aspect(highest - lowest, zoom=0.95)
         ax.view_init(elev=ELEVATION, azim=best_azimuth(postures.points[0]))
+        if isinstance(ax, SpatialAxes):
+            ax.fill()
+        set_apart(ax)

@@ -15,6 +15,7 @@ from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
 from .names import Room, list_of, sampled
 from .planar_shapes import around, distinct, jointed, lighter, link_colour, name_style
+from .spatial_axes import SpatialAxes, outline
 
 if TYPE_CHECKING:
     from .._geometry.postures import Posture
@@ -67,7 +68,10 @@ def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float
             _draw_table(ax, posture, joint, fields[joint["name"]])
         _draw_joint(ax, joint, _ends(posture, joint), listed)
     if names:
-        ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
+        if isinstance(ax, SpatialAxes):
+            ax.put_legend(ax.get_legend_handles_labels()[0], fontsize="small")
+        else:
+            ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
         _write_names(ax, posture)
 
 
@@ -182,8 +186,8 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
     unit = FONT * figure.dpi / 72
     seen = [np.asarray(line.get_xydata()) for line in ax.lines]
     seen += [path.vertices for faces in ax.collections for path in faces.get_paths()]
-    window = ax.bbox
-    room = Room(np.concatenate([sampled(ax.transData.transform(line), 0.3 * unit) for line in seen]), window.min, window.max, unit)
+    low, high = ax.transAxes.transform(outline(ax))
+    room = Room(np.concatenate([sampled(ax.transData.transform(line), 0.3 * unit) for line in seen]), low, high, unit)
     for artist in (ax.get_legend(), *(text for axis in (ax.xaxis, ax.yaxis, ax.zaxis) for text in axis.get_ticklabels())):
         _take(room, artist)
     for text, point, colour, is_link in _labels(posture):
