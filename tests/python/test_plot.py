@@ -192,6 +192,17 @@ def test_names_of_a_spatial_mechanism_stand_on_no_joint_and_on_no_other(name):
     assert np.linalg.norm(np.subtract(load.xy, before)) > 1e-3
 
 
+def test_names_of_bent_chains_belong_to_their_lines():
+    """The middle of a leg's joints lies beside its rods: the name stood there, between three legs."""
+    figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / "tripteron" / "scene.toml"))
+    figure.draw_without_rendering()
+    for leg in ("leg1", "leg2", "leg3"):
+        (name,) = (text for text in axis.texts if text.get_text() == leg)
+        anchor = axis.transData.transform(name.xy)
+        lines = [axis.transData.transform(line.get_xydata()) for line in axis.lines if len(line.get_xydata()) == 2]
+        assert min(np.linalg.norm(sampled(line, 0.5) - anchor, axis=1).min() for line in lines) < 1.0, leg
+
+
 def test_long_names_stand_beside_what_they_name():
     """A long name is as near as a short one where its end is: not on the piston, nor on the numbers of an axis."""
     _, axis = plot.mechanism(linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml"))

@@ -214,6 +214,19 @@ def _place_of(posture: Posture, joint: dict[str, Any]) -> Points:
     return place
 
 
+def _on_chain(posture: Posture, name: str, middle: Points) -> Points:
+    """Where a chain's lines come nearest to its middle, which lies between them if the chain is bent."""
+    description = posture.scene.description
+    lines = [_ends(posture, joint) for joint in description["joints"] if joint["name"].startswith(f"{name}.") and joint["type"] in SLIDING]
+    for k, link in enumerate(description["links"]):
+        if link["name"].startswith(f"{name}."):
+            corners = np.array([posture.markers[k][marker] for marker in sorted(jointed(posture, k))])
+            lines += [corners[i : i + 2] for i in range(len(corners) - 1)]
+    places = [start + np.clip((middle - start) @ (end - start) / ((end - start) @ (end - start) or 1.0), 0.0, 1.0) * (end - start) for start, end in lines]
+    nearest: Points = min(places or [middle], key=lambda place: float(np.linalg.norm(place - middle)))
+    return nearest
+
+
 def _labels(posture: Posture) -> list[tuple[str, Points, str, bool]]:
     """Names, where they belong, their colours and whether they are links'; of a chain the part before the dot, once."""
     description = posture.scene.description
@@ -224,7 +237,7 @@ def _labels(posture: Posture) -> list[tuple[str, Points, str, bool]]:
     gathered: dict[tuple[float, ...], list[str]] = {}
     places: dict[tuple[float, ...], Points] = {}
     for name, points in chains.items():
-        place = np.mean(points, axis=0)
+        place = _on_chain(posture, name, np.mean(points, axis=0))
         key = tuple(np.round(place / (0.01 * extent or 1.0)))
         gathered.setdefault(key, []).append(name)
         places.setdefault(key, place)
