@@ -203,6 +203,27 @@ def test_names_of_bent_chains_belong_to_their_lines():
         assert min(np.linalg.norm(sampled(line, 0.5) - anchor, axis=1).min() for line in lines) < 1.0, leg
 
 
+def test_names_without_room_are_left_out_and_counted():
+    """Those of 40 four-bars in a row lay on each other, none could be read."""
+    figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / "n_fourbar" / "scene_40.toml"))
+    figure.draw_without_rendering()
+    *names, note = axis.texts
+    boxes = [text.get_window_extent() for text in names]
+    assert not any(box.shrunk(0.8, 0.8).overlaps(other.shrunk(0.8, 0.8)) for k, box in enumerate(boxes) for other in boxes[:k])
+    assert note.get_text().endswith("names left out: no room")
+    _, axis = plot.mechanism(linkdyn.load(EXAMPLES / "n_fourbar" / "scene.toml"))
+    assert len(names) > 20 and not any("left out" in text.get_text() for text in axis.texts)
+
+
+def test_plates_are_convex():
+    """A carrier that holds its planets and, between them, the sun: a triangle, no dart."""
+    _, axis = plot.mechanism(linkdyn.load(EXAMPLES / "planetary_gearbox" / "scene.toml"))
+    (plate,) = (patch.get_xy() for patch in axis.patches if len(patch.get_xy()) == 4 and np.ptp(patch.get_xy()[:, 1]) > 0.1)
+    sides = np.diff(np.concatenate([plate, plate[1:2]]), axis=0)
+    turns = sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0]
+    assert (turns > 0).all() and len(turns) == 3
+
+
 def test_long_names_stand_beside_what_they_name():
     """A long name is as near as a short one where its end is: not on the piston, nor on the numbers of an axis."""
     _, axis = plot.mechanism(linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml"))

@@ -12,6 +12,8 @@ Points = NDArray[np.float64]
 JOINT_RINGS = (0.6, 1.2, 2.0, 3.0)
 LINK_RINGS = (0.7, 1.4, 2.4)
 """How far from its point a name may stand, in units."""
+COVERED = 0.3
+"""So far into another name a name may reach, in units: there is air round both."""
 
 
 class Room:
@@ -31,10 +33,11 @@ class Room:
         self.taken, self.low, self.high, self.unit = taken, low, high, unit
         self.boxes: list[tuple[Points, Points]] = []
 
-    def place(self, anchor: Points, half: Points, is_link: bool, rings: tuple[float, ...] = ()) -> Points:
+    def place(self, anchor: Points, half: Points, is_link: bool, rings: tuple[float, ...] = ()) -> Points | None:
         """Centre of the name, (2,) half as large, where it is farthest from lines and joints, and on no other; from then on it is taken.
 
-        A name of a link may stand on its anchor. Further rings are those that a leader bridges.
+        A name of a link may stand on its anchor. Further rings are those that a leader bridges. None where it would lie on others: two names in one
+        place are none.
         """
         unit = self.unit
         places = _places_around(anchor, half, unit, is_link, rings)
@@ -42,7 +45,10 @@ class Room:
         outside = ((places - half < self.low) | (places + half > self.high)).any(axis=1)
         covered = np.array([sum(_overlap(place, half, *box) for box in self.boxes) for place in places])
         score = np.minimum(boxed, 1.2 * unit) - 0.25 * self._beyond(places, anchor, half) - 100 * unit * outside - 5 * covered
-        place: Points = places[np.argmax(score)]
+        best = int(np.argmax(score))
+        if covered[best] > COVERED * unit:
+            return None
+        place: Points = places[best]
         self.take(place, half)
         return place
 

@@ -19,7 +19,7 @@ from .style import COLOURS, FRAME_COLOUR
 if TYPE_CHECKING:
     from .._geometry.postures import Posture
 
-__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "name_style", "unit_of"]
+__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "name_style", "tell_left_out", "unit_of"]
 
 Points = NDArray[np.float64]
 
@@ -142,7 +142,7 @@ def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
             ax.add_patch(Polygon(circle, facecolor=lighter(colour, 0.10), edgecolor="none", zorder=1.2))
             centre = posture.markers[link][marker][:2]
             ax.plot(*np.array([centre, circle[0]]).T, color=lighter(colour, 0.6), linewidth=1.0, zorder=1.3)
-        ax.plot(*circle.T, color=tuple(0.8 * c for c in to_rgb(colour)), zorder=2.7, **dash)
+        ax.plot(*circle.T, color=tuple(0.8 * c for c in to_rgb(colour)), zorder=3.1, **dash)
     for joint in posture.scene.description["joints"]:
         if joint["type"] == "belt":
             for run in belt_runs(posture, joint):
@@ -216,6 +216,18 @@ def around(points: Points) -> NDArray[np.intp]:
     return np.argsort(np.arctan2(second, first))
 
 
+def _hull(points: Points) -> list[int]:
+    """Corners of the convex hull of points in the plane, all distinct, one after another around it."""
+    order = np.lexsort(points.T[::-1])
+    sides: list[list[int]] = [[], []]
+    for side, way in zip(sides, (order, order[::-1])):
+        for k in map(int, way):
+            while len(side) > 1 and np.linalg.det([points[side[-1]] - points[side[-2]], points[k] - points[side[-1]]]) <= 0.0:
+                side.pop()
+            side.append(k)
+    return sides[0][:-1] + sides[1][:-1]
+
+
 def _ends(posture: Posture, joint: dict[str, Any]) -> Points:
     """(2, 2) points of a joint on its first and second link."""
     return np.array([posture.markers[link][name][:2] for link, name in zip(joint["links"], joint["markers"])])
@@ -269,12 +281,12 @@ def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str
     everything = distinct(np.array([point[:2] for point in markers.values()]))
     corners = _corners(markers, held)
     if len(everything) > max(2, len(corners)):
-        hull = everything[around(everything)]
+        hull = everything[_hull(everything)]
         ax.add_patch(Polygon(hull, facecolor=lighter(colour, 0.22), edgecolor=lighter(colour, 0.7), linewidth=1.2, zorder=2.5))
     elif len(everything) > len(corners):
         ax.plot(*everything.T, color=lighter(colour, 0.6), linewidth=1.5, zorder=2.5)
     if len(corners) > 2:
-        corners = corners[around(corners)]
+        corners = corners[_hull(corners)]     # what lies inside is on the plate
         ax.add_patch(Polygon(corners, facecolor=lighter(colour, 0.3), edgecolor="none", zorder=3))
         corners = np.concatenate([corners, corners[:1]])
     style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 4}
@@ -327,9 +339,21 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
             taken = np.concatenate([taken, *(centre + part * (outline - centre) for part in (1.0, 0.6, 0.2))])
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
     room = Room(taken, low, high, unit)
+    n_left = 0
     for text, anchor, colour, is_link in anchors:
         centre = room.place(anchor, unit * np.array([0.36 * len(text), 0.62]) * (FONT / 8.0), is_link)
+        if centre is None:
+            n_left += 1
+            continue
         ax.text(centre[0], centre[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, **name_style(colour, is_link))
+    tell_left_out(ax, n_left)
+
+
+def tell_left_out(ax: Any, n: int) -> None:
+    """How many names found no room, in a corner."""
+    if n:
+        write = ax.text2D if hasattr(ax, "text2D") else ax.text
+        write(0.995, 0.01, f"{n} name{'s' if n > 1 else ''} left out: no room", transform=ax.transAxes, fontsize=6.0, color="0.45", ha="right", va="bottom")
 
 
 def name_style(colour: str, is_link: bool) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
 from .names import Room, list_of, sampled
-from .planar_shapes import around, distinct, jointed, lighter, link_colour, name_style
+from .planar_shapes import around, distinct, jointed, lighter, link_colour, name_style, tell_left_out
 from .spatial_axes import SpatialAxes, outline
 
 if TYPE_CHECKING:
@@ -190,14 +190,21 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
     room = Room(np.concatenate([sampled(ax.transData.transform(line), 0.3 * unit) for line in seen]), low, high, unit)
     for artist in (ax.get_legend(), *(text for axis in (ax.xaxis, ax.yaxis, ax.zaxis) for text in axis.get_ticklabels())):
         _take(room, artist)
+    n_left = 0
     for text, point, colour, is_link in _labels(posture):
         name = _Name(text, point, fontsize=FONT, zorder=20, path_effects=[HALO], **name_style(colour, is_link))
         ax.add_artist(name)
         half = 0.5 * np.array(Text.get_window_extent(name).size) + 0.1 * unit
         anchor = ax.transData.transform(proj3d.proj_transform(*point, ax.get_proj())[:2])
-        offset = room.place(anchor, half, is_link, FAR_RINGS) - anchor
+        centre = room.place(anchor, half, is_link, FAR_RINGS)
+        if centre is None:
+            name.remove()
+            n_left += 1
+            continue
+        offset = centre - anchor
         name.set_position(tuple(offset * 72 / figure.dpi))
         name.arrow_patch.set_visible(np.linalg.norm(np.maximum(np.abs(offset) - half, 0.0)) > LED * unit)
+    tell_left_out(ax, n_left)
 
 
 def _take(room: Room, artist: Any) -> None:
