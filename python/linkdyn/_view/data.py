@@ -33,6 +33,8 @@ FEW = 12
 CLEAR = 8
 """Joints whose ways may all be drawn."""
 TITLES = {"q": "coordinates", "qd": "rates of the coordinates", "qdd": "accelerations of the coordinates"}
+LARGEST = 1e30
+"""Numbers beyond are shown as none: they are sent in single precision, lengths are their squares."""
 ENERGIES = ("kinetic_energy", "potential_energy", "work")
 Values = NDArray[np.float64]
 
@@ -47,7 +49,8 @@ class Block:
 
     def add(self, name: str, values: ArrayLike, dtype: str) -> str:
         """Put an array in; its name."""
-        array = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
+        with np.errstate(over="ignore"):    # infinite ones are not drawn
+            array = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
         if dtype == "float32":
             array = _short(array)
         self.entries.append({"name": name, "dtype": dtype, "shape": array.shape, "offset": self._size})
@@ -186,11 +189,12 @@ def _marker(scene: Scene, link: int, marker: str) -> list[float]:
 
 def _arrows(item: Forces, k: int, kept: NDArray[np.intp], block: Block) -> dict[str, Any]:
     size = np.linalg.norm(item.force, axis=-1)
+    seen = size[size < LARGEST]     # neither NaN nor infinite
     return {
         "kind": item.kind,
         "label": item.label,
         "torque": item.is_torque,
-        "largest": float(np.nanmax(size)) if np.isfinite(size).any() else 0.0,
+        "largest": float(seen.max(initial=0.0)),
         "values": block.add(f"arrows{k}", item.force[kept], "float32"),
         "at": [[link, *point] for link, point in item.at],
     }
@@ -268,6 +272,7 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
     charts: list[dict[str, Any]] = []
 
     def add(result: str, title: str, names: Iterable[Any], values: Values, unit: str) -> None:
+        values = np.where(np.abs(values) < LARGEST, values, np.nan)
         finite = np.abs(values[np.isfinite(values)])
         if not finite.size:
             return
@@ -282,16 +287,16 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
                 components = [text for text in run.component.values if str(text).startswith(letter)]
                 size = np.linalg.norm(variable.sel(component=components).values, axis=-1)
                 add("reaction", f"joint {quantity}", run.joint.values, size, unit)
-        elif name in ENERGIES or variable.dims[0] != "sample" or variable.dtype.kind != "f":
+        elif name in ENERGIES or variable.dims[:1] != ("sample",) or variable.dtype.kind != "f":
             continue
         elif variable.ndim == 1:
             add(str(name), title, [title], variable.values[:, np.newaxis], variable.attrs.get("units", "1"))
         elif variable.ndim == 2:
             units = units_of(variable)
             for unit in dict.fromkeys(units):
-                title = "driving torque" if (name, unit) == ("driving_force", "N m") else title
                 columns = [k for k, other in enumerate(units) if other == unit]
-                add(str(name), title, variable[variable.dims[1]].values[columns], variable.values[:, columns], unit)
+                quantity = "driving torque" if (name, unit) == ("driving_force", "N m") else title
+                add(str(name), quantity, variable[variable.dims[1]].values[columns], variable.values[:, columns], unit)
     energies = [name for name in ENERGIES if name in run]
     if energies:
         values = np.stack([run[name].values for name in energies], axis=-1)
