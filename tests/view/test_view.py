@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import linkdyn
+from linkdyn._view import data as view_data
 from linkdyn._view import page as view_page
 from linkdyn._commands.view import view_command
 
@@ -207,6 +208,93 @@ def test_texts_stay_texts(browser, fourbar, tmp_path):
     page = browser.open(linkdyn.view(hostile, tmp_path / "x.html").file)
     assert page.value("root.querySelector('h1').textContent") == hostile.title == page.value("document.title")
     assert not page.complaints
+
+
+def test_names_stand_on_no_other(browser, tmp_path):
+    """Of a planetary gear eight joints meet in a hand's breadth; while it turns, too."""
+    file = tmp_path / "gears.html"
+    linkdyn.view(linkdyn.load(EXAMPLES / "planetary_gearbox" / "scene.toml"), file)
+    page = browser.open(file, "t=1.6")
+    code = """[...root.querySelectorAll('.labels span:not([hidden])')].map((label) => label.getBoundingClientRect())
+              .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+    for frame in (160, 161, 240):
+        page.value(f"{VIEW}.player.seek({frame})")
+        assert page.state["frame"] == str(frame)
+        boxes = np.array(page.value(code))
+        assert len(boxes) > 8
+        for k, (left, top, right, bottom) in enumerate(boxes):
+            apart = (boxes[:k, 0] >= right) | (boxes[:k, 2] <= left) | (boxes[:k, 1] >= bottom) | (boxes[:k, 3] <= top)
+            assert apart.all(), (frame, k)
+
+
+def test_the_legend_hides_no_foot(browser, tmp_path):
+    """The cylinder of a crane stands on the ground in the lower left."""
+    file = tmp_path / "crane.html"
+    linkdyn.view(linkdyn.load(EXAMPLES / "loader_crane" / "scene.toml"), file)
+    page = browser.open(file, "t=2.8")
+    page.state
+    legend = page.value("(({ left, top, right, bottom }) => [left, top, right, bottom])(root.querySelector('.scales').getBoundingClientRect())")
+    foot = page.value(f"""(() => {{ const v = {VIEW}; const box = v.picture.getBoundingClientRect();
+        const joint = v.mechanism.joints.flatMap((joint) => joint.ends).filter((end) => end.link === 0).map(({{ at }}) => v.stage.project(at));
+        return joint.map(([x, y]) => [x + box.left, y + box.top]); }})()""")
+    assert len(foot) > 1
+    assert not any(legend[0] < x < legend[2] and legend[1] < y < legend[3] for x, y in foot)
+
+
+def test_keys_work_at_once(browser, fourbar_page):
+    """Nobody clicks into a page to press a key."""
+    page = browser.open(fourbar_page, "t=1")
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key="ArrowRight", code="ArrowRight")
+    assert page.state["frame"] == "101"
+
+
+def test_long_titles_leave_room(browser, fourbar, tmp_path):
+    run = fourbar.inverse(t=[0.0, 0.1])
+    told = tomllib.loads(fourbar.text)
+    told["title"] = "a title that goes on and on " * 8
+    file = tmp_path / "long.html"
+    linkdyn.view(run, file, scene=linkdyn.Scene(told))
+    page = browser.open(file)
+    assert page.value("root.querySelector('header').offsetHeight") < 80
+    assert page.value("root.querySelector('h1').title").strip() == told["title"].strip()
+
+
+def test_charts(browser, fourbar, tmp_path):
+    """Their last number is not cut off, zeros lie in the middle, and a finger moves the page up and down."""
+    run = fourbar.inverse()
+    run["driving_force"] = 0.0 * run.driving_force
+    file = tmp_path / "zero.html"
+    linkdyn.view(run, file)
+    page = browser.open(file)
+    plot = f"{VIEW}.charts[0].plot"
+    assert page.value(f"{plot}.width - (({plot}.bbox.left + {plot}.bbox.width) / devicePixelRatio)") >= 18
+    assert page.value(f"[{plot}.scales.y.min, {plot}.scales.y.max]") == [-1, 1]
+    assert page.value(f"{plot}.over.style.touchAction") == "pan-y"
+
+
+@pytest.mark.parametrize("value", [np.inf, 1e300, np.nan])
+def test_numbers_beyond_all_are_not_shown(browser, fourbar, value, tmp_path):
+    run = fourbar.inverse()
+    run["weight"] = 3.0     # no row of samples
+    run.reaction.values[5] = value
+    file = tmp_path / "infinite.html"
+    with np.errstate(over="ignore"):
+        linkdyn.view(run, file)
+    page = browser.open(file, "t=0.05")
+    assert not page.complaints and page.state["arrows"] == "1"      # the drive
+    page.value(f"{VIEW}.player.seek(6)")
+    assert page.state["arrows"] == "5"
+
+
+def test_forces_beside_torques_keep_their_title(tsai_file):
+    scene = linkdyn.load(tsai_file)
+    run = scene.inverse(scene.motion()[0][:3])
+    run = run.assign_coords(actuator_unit=("actuator", ["N m", *run.actuator_unit.values[1:]]))
+    run.driving_force.attrs["units"] = "N, N m"
+    description, _ = view_data.describe(run, scene, kinds=())
+    titles = [(chart["title"], chart["unit"]) for chart in description["charts"] if chart["result"] == "driving_force"]
+    assert [title for title, _ in titles] == ["driving torque", "driving force"]
 
 
 def test_one_sample_without_time(browser, tsai_file, tmp_path):

@@ -82,9 +82,9 @@ export class Chart {
       const options = {
         ...this.size,
         legend: { show: false },
-        padding: [8, 12, 0, 4],
+        padding: [8, 20, 0, 4], // half of the last number
         cursor: { drag: { x: false, y: false }, points: { show: false }, x: false, y: false },
-        scales: { x: { time: false } },
+        scales: { x: { time: false }, y: { range: rangeOf } },
         axes: [
           { ...axis, size: 24 },
           {
@@ -119,7 +119,7 @@ export class Chart {
       const time = this.plot.posToVal(event.clientX - over.getBoundingClientRect().left, "x");
       this.onSeek(nearest(this.times, time));
     };
-    over.style.touchAction = "none";
+    over.style.touchAction = "pan-y"; // up and down a finger moves the page
     over.onpointerdown = (event) => {
       over.setPointerCapture(event.pointerId);
       seek(event);
@@ -159,6 +159,11 @@ export class Chart {
   showValues() {
     for (const series of this.series) series.value.textContent = plain(series.numbers[this.frame]);
   }
+}
+
+/** Of the numbers along a chart: uPlot's, but for nothing but zeros, which it puts below a hundred. */
+function rangeOf(_, low, high) {
+  return low === 0 && high === 0 ? [-1, 1] : uPlot.rangeNum(low, high, 0.1, true);
 }
 
 /** Index of the instant that is nearest. */

@@ -14,7 +14,8 @@ async function open(text) {
   try {
     const viewer = new Viewer(host, await unpack(text), { theme: wishes.get("theme") ?? undefined });
     if (wishes.has("t")) viewer.player.seekTime(Number(wishes.get("t")));
-    else if (!wishes.has("still")) viewer.player.toggle(true);
+    else if (!wishes.has("still") && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.player.toggle(true);
+    if (window === window.top) viewer.page.focus({ preventScroll: true }); // keys work at once
     host.viewer = viewer;
   } catch (error) {
     host.textContent = `This run cannot be shown: ${error.message}`;

@@ -33,6 +33,7 @@ export class Stage {
       });
     this.controls.addEventListener("change", () => this.request());
     this.drawn = []; // called after each picture
+    this.fits = 0; // how often the eye was put back
     this.cell = niceBelow(run.extent / 4);
     new ResizeObserver(() => {
       this.resize();
@@ -103,7 +104,7 @@ export class Stage {
   }
 
   drawGrid(colours) {
-    const n = 2 * Math.ceil((4 * this.run.extent) / this.cell);
+    const n = 2 * Math.ceil((12 * this.run.extent) / this.cell); // the widest windows are filled
     const grid = new THREE.GridHelper(n * this.cell, n, colours.groundLine, colours.ground).rotateX(Math.PI / 2);
     grid.position.z = -0.2 * this.run.extent;
     const snap = (value) => Math.round(value / this.cell) * this.cell;
@@ -142,6 +143,7 @@ export class Stage {
       });
       camera.position.copy(centre).addScaledVector(towards, Math.max(...distances));
     }
+    this.fits++;
     this.resize();
     this.controls.update();
   }
@@ -186,6 +188,6 @@ export class Stage {
   }
 }
 
-function pointsOf({ shape, values }) {
+export function pointsOf({ shape, values }) {
   return Array.from({ length: shape[0] }, (_, i) => new THREE.Vector3().fromArray(values, 3 * i));
 }

@@ -11,13 +11,14 @@ import { drawPlanar } from "./planar.js";
 import { Player } from "./player.js";
 import { vector } from "./shapes.js";
 import { drawSpatial } from "./spatial.js";
-import { Stage } from "./stage.js";
+import { pointsOf, Stage } from "./stage.js";
 import style from "./style.css";
 import { preferredTheme, THEMES } from "./theme.js";
 import { drawTraces } from "./traces.js";
 
 const KINDS = { driving: "drives", reaction: "joint forces", load: "loads" };
 const BAR = [45, 130]; // shortest and longest bar of the legend, pixels
+const CORNERS = ["bottom left", "bottom right", "top left", "top right"]; // for the legend, the first that hides least
 const STEPS = { ArrowLeft: -1, ArrowRight: 1, PageUp: -25, PageDown: 25, Home: -Infinity, End: Infinity };
 
 export class Viewer {
@@ -41,6 +42,8 @@ export class Viewer {
     this.page.tabIndex = 0;
     this.picture = element("div", "picture");
     this.labels = element("div", "labels");
+    this.names = run.names.map(([text, isLink, ...places]) => ({ label: element("span", isLink ? "link" : "joint", text), isLink, places, side: 0 }));
+    this.labels.append(...this.names.map(({ label }) => label));
     this.notice = element("div", "notice");
     this.legend = element("div", "scales");
     this.picture.append(this.labels, this.legend, this.notice);
@@ -66,6 +69,7 @@ export class Viewer {
   header() {
     const bar = element("header");
     const title = element("h1", "", this.run.title || "linkdyn");
+    title.title = title.textContent; // long ones are cut
     const buttons = element("div", "switches");
     const kinds = Object.keys(KINDS).filter((kind) => this.run.arrows.some((entry) => entry.kind === kind));
     for (const kind of kinds) buttons.append(this.toggle(kind, KINDS[kind]));
@@ -225,20 +229,28 @@ export class Viewer {
     Object.assign(this.host.dataset, { frame: this.frame, arrows: this.arrows.count, theme: this.theme });
   }
 
+  /** Each name on the side of its place where no other is, the one of the last picture if it can. */
   placeNames() {
     if (this.labels.hidden) return;
-    const names = this.run.names.map(([text, isLink, ...places]) => {
-      const middle = places
+    const taken = [];
+    for (const name of this.names) {
+      const middle = name.places
         .map((place) => this.placeOf(place))
         .reduce((sum, point) => sum.add(point))
-        .divideScalar(places.length);
+        .divideScalar(name.places.length);
       const at = this.stage.project(middle);
-      const label = element("span", isLink ? "link" : "joint", text);
-      if (at) label.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
-      label.hidden = !at;
-      return label;
-    });
-    this.labels.replaceChildren(...names);
+      name.label.hidden = !at;
+      if (!at) continue;
+      name.size ??= [name.label.offsetWidth, name.label.offsetHeight];
+      const boxes = sidesOf(at, name.size, name.isLink);
+      const isFree = ([x, y, right, low]) => taken.every(([a, b, c, d]) => x >= c || right <= a || y >= d || low <= b);
+      if (!isFree(boxes[name.side])) name.side = Math.max(0, boxes.findIndex(isFree));
+      const box = boxes[name.side];
+      name.label.hidden = !isFree(box); // two names in one place are none
+      if (name.label.hidden) continue;
+      taken.push(box);
+      name.label.style.transform = `translate(${box[0].toFixed(1)}px, ${box[1].toFixed(1)}px)`;
+    }
   }
 
   /** Bars as long as an arrow of a round force is where the mechanism is. */
@@ -272,6 +284,21 @@ export class Viewer {
       element("div", "grid", `grid ${withPrefix(this.stage.cell, "m")}${this.run.stride ? ` · ${this.run.stride}` : ""}`),
     );
     this.legend.replaceChildren(...rows);
+    if (this.cornered !== `${this.stage.fits} ${this.stage.width} ${this.stage.height}`) this.chooseCorner();
+  }
+
+  /** The legend where it hides least of the mechanism. */
+  chooseCorner() {
+    const { stage } = this;
+    const points = pointsOf(this.run.arrays.cloud).map((point) => stage.project(point)).filter(Boolean);
+    const [width, height] = [this.legend.offsetWidth + 30, this.legend.offsetHeight + 30];
+    const hidden = CORNERS.map((corner) => {
+      const isThere = ([x, y]) =>
+        (corner.includes("left") ? x < width : x > stage.width - width) && (corner.includes("top") ? y < height : y > stage.height - height);
+      return points.filter(isThere).length;
+    });
+    this.legend.dataset.corner = CORNERS[hidden.indexOf(Math.min(...hidden))];
+    this.cornered = `${stage.fits} ${stage.width} ${stage.height}`;
   }
 
   onKey(event) {
@@ -291,4 +318,19 @@ export class Viewer {
     for (const item of this.arrows.layers) item.array = arrays[item.entry.values];
     this.show(0);
   }
+}
+
+/** Boxes [left, top, right, bottom] of a name about a place: beside it, joints above, links below at first. */
+function sidesOf([x, y], [width, height], isLink) {
+  const [above, below] = [y - height - 6, y + 4];
+  const first = isLink ? [below, above] : [above, below];
+  const corners = [
+    [x + 9, first[0]],
+    [x + 9, first[1]],
+    [x - width - 9, first[0]],
+    [x - width - 9, first[1]],
+    [x - width / 2, above - height],
+    [x - width / 2, below + height],
+  ];
+  return corners.map(([left, top]) => [left, top, left + width, top + height]);
 }
