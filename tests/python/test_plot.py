@@ -15,6 +15,7 @@ import linkdyn
 from linkdyn import plot
 from linkdyn._drawing.names import sampled
 from linkdyn._sheets import run_sheet
+from linkdyn._view import data as view_data
 
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
@@ -260,6 +261,21 @@ def test_a_mechanism_in_one_point_is_drawn(tmp_path):
     figure, axis = plot.mechanism(disc)
     assert np.isfinite([*figure.get_size_inches(), *axis.get_xlim()]).all()
     figure.savefig(tmp_path / "disc.png")
+
+
+def test_a_pendulum_is_drawn_to_its_centre_of_mass():
+    """It has no marker but its pivot: the picture was a point, and the interactive one the inside of a joint."""
+    scene = linkdyn.Scene(Path(__file__).parents[1] / "scenes" / "ball_joint.toml")
+    _, axis = plot.mechanism(scene)
+    drawn = np.concatenate([np.array(line.get_data_3d()).T for line in axis.get_lines()])
+    poses = scene.poses(scene.forward(t=[0.0]).q.values)
+    centre = poses.position[0, 0] + poses.rotation[0, 0] @ [0.3, 0.0, 0.0]
+    assert np.linalg.norm(drawn - centre, axis=1).min() < 1e-12
+    description, _ = view_data.describe(scene.forward(t=[0.0, 1.0]), scene, kinds=())
+    assert 0.25 < description["extent"] < 0.65
+    legs = linkdyn.Scene(EXAMPLES / "stewart_tsai" / "scene.toml")
+    seen, _ = view_data.describe(legs.inverse(t=[0.0]), legs, kinds=())
+    assert seen["links"] == legs.description["links"]       # barrels and rods have an axis
 
 
 def test_hodograph(turn):

@@ -17,12 +17,14 @@ from ..scene import Poses, Scene
 from .cams import room_for_cams
 from .wheels import rims
 
-__all__ = ["ELEVATION", "Posture", "Postures", "best_azimuth", "find_postures", "placed_poses", "poses_of", "scene_of"]
+__all__ = ["ELEVATION", "Posture", "Postures", "best_azimuth", "find_postures", "placed_poses", "poses_of", "scene_of", "seen_markers"]
 
 Points = NDArray[np.float64]
 
 ELEVATION = 25.0
 """Of the eye over a spatial mechanism [deg]."""
+CENTRE = "centre of mass"
+"""Stands for one among the markers; names of markers have no blanks."""
 APART = 1e-5
 """Poses further from each other are two assemblies: as a part of the mechanism's reach, and of a turn [rad]."""
 
@@ -145,10 +147,20 @@ def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool
         turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if k == 0 else poses.rotation[:, k - 1]
         origins.append(origin)
         turns.append(turn)
-        markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in link["markers"]})
+        markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in seen_markers(scene, k)})
         axes.append({marker["name"]: turn @ np.array(marker["axis"]) for marker in link["markers"]})
         x_axes.append({marker["name"]: turn @ np.array(marker["x"]) for marker in link["markers"]})
     return Postures(scene, markers, axes, x_axes, origins, turns), poses.status == 0
+
+
+def seen_markers(scene: Scene, k: int) -> list[dict[str, Any]]:
+    """Markers between which link k is drawn: a pendulum that has only its pivot is drawn to its centre of mass."""
+    link = scene.description["links"][k]
+    markers: list[dict[str, Any]] = link["markers"]
+    held = sum(k in joint["links"] for joint in scene.description["joints"])
+    if k == 0 or held != 1 or not link["mass"] or any(marker["at"] != link["markers"][0]["at"] for marker in markers) or link["cog"] == markers[0]["at"]:
+        return markers
+    return [*markers, markers[0] | {"name": CENTRE, "at": link["cog"]}]
 
 
 def scene_of(run: xr.Dataset, caller: str) -> Scene:

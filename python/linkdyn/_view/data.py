@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._drawing.forces import Forces, find_forces
 from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
-from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of
+from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
 from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
@@ -129,7 +129,7 @@ def describe(
         "box": [(low - ROOM * extent).tolist(), (high + ROOM * extent).tolist()],
         "eye": [best_azimuth(postures.points[held[0]] @ _level(up)), ELEVATION],
         "palette": COLOURS[:-1],
-        "links": scene.description["links"],
+        "links": [link | {"markers": seen_markers(scene, k)} for k, link in enumerate(scene.description["links"])],
         "joints": [_joint(joint, postures, held) for joint in scene.description["joints"]],
         "arrows": [_arrows(item, k, kept, block) for k, item in enumerate(find_forces(run, postures))],
         "traces": [_trace(scene, link, marker) for link, marker in _traced(scene, postures, held, extent, traces)],
