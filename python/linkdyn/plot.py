@@ -111,7 +111,8 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
     Returns
     -------
     figure, axes
-        ``axes`` of shape (number of groups, 2), (number of groups, 1) if no joint bears a moment. What would be empty is not visible.
+        ``axes`` of shape (number of groups, 2), (number of groups, 1) if no joint bears a moment. What would be empty is not visible, and left to
+        its neighbour.
     """
     _need(run, "reaction")
     sizes = {letter: _magnitude(run, letter) for letter in "FM"}
@@ -145,6 +146,7 @@ def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = 
         for axis, panel in zip(drawn, row):
             if panel is None:
                 axis.set_visible(False)
+                drawn[0].set_subplotspec(drawn[0].get_gridspec()[drawn[0].get_subplotspec().rowspan.start, :])
                 continue
             quantity, unit, values = panel
             largest = max(float(np.nanmax(np.abs(y), initial=0.0)) for y in values.values())
@@ -196,11 +198,12 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
     if len(wanted) != 2 or not set(wanted) <= set(known):
         raise InputError(f"hodograph: components {components!r} (expected two of {', '.join(name[1:] for name in known)})")
     names = _chosen_joints(run, joints, "hodograph")
-    columns = min(3, len(names))
+    columns = 2 if len(names) == 4 else min(3, len(names))
     rows = -(-len(names) // columns)
     figure, axes = pyplot.subplots(
         rows, columns, squeeze=False, figsize=(1.0 + 3.0 * columns, 0.8 + 2.9 * rows), layout="constrained"
     )
+    figure.get_layout_engine().set(h_pad=0.09)      # names of axes lie apart from titles below them
     for k, (axis, name) in enumerate(zip(axes.flat, names)):
         force = run.reaction.sel(joint=name, component=wanted).values
         axis.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -18,6 +19,7 @@ from linkdyn._commands.new import kinds
 from linkdyn._sheets.sheet import sheet_page
 from sheet_file import column, number, read
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 pytestmark = [pytest.mark.python_alone, pytest.mark.usefixtures("closed_figures")]
 
 
@@ -115,6 +117,28 @@ def test_joints_without_a_moment_have_no_panel():
     assert axes.shape == (1, 1)
     _, axes = plot.reactions(linkdyn.new("hexapod").inverse())
     assert [[axis.get_visible() for axis in row] for row in axes] == [[True, True], [True, True], [True, False]]
+    axes[0, 0].figure.draw_without_rendering()      # the place of the panel that is not there is its neighbour's
+    beside, alone = axes[0, 0].get_window_extent().width, axes[2, 0].get_window_extent().width
+    assert alone > 1.9 * beside
+
+
+def test_hodographs_are_of_forces_that_turn():
+    """A force that keeps to a line is told by its magnitude; what is rounding beside the largest is no force."""
+    scene = linkdyn.load(EXAMPLES / "flyball_governor" / "scene.toml")
+    (picture,) = (item for item in sheet_page(scene.forward(), scene=scene).pictures if "Hodograph" in item.caption)
+    assert picture.caption.endswith("; bearing keeps to one line")      # its weight and what shakes it, upright
+    assert [axis.get_title().split(":")[0] for axis in picture.figure.axes if axis.get_visible()] == ["pivot1", "pivot2"]
+    hoist = linkdyn.load(EXAMPLES / "hoist" / "scene.toml")
+    captions = [item.caption for item in sheet_page(hoist.forward(), scene=hoist).pictures]
+    assert len(captions) == 3 and not any("Hodograph" in caption for caption in captions)
+
+
+def test_texts_of_pictures_are_as_large_as_those_of_the_page(tmp_path):
+    """A letter of 10 points in a picture is 10 px to 11 px high: one panel was blown up to the whole width."""
+    linkdyn.new("four-bar").inverse().linkdyn.sheet(tmp_path / "run.html")
+    styles = re.findall(r'<img style="width: ([0-9.]+)em"', (tmp_path / "run.html").read_text())
+    figure, _ = plot.reactions(linkdyn.new("four-bar").inverse())
+    assert len(styles) >= 3 and any(float(width) == pytest.approx(7.5 * figure.get_size_inches()[0], rel=0.01) for width in styles)
 
 
 def test_units_are_those_people_read():

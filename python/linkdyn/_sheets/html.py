@@ -14,6 +14,8 @@ __all__ = ["html"]
 
 LETTERS = 170
 """In a line of a table."""
+EM = 7.5
+"""Letters of the page's height in an inch of a picture: texts of 10 points in pictures are as large as those of the page, on screen and on paper."""
 STYLE = """
 @page { size: A4; margin: 11mm; }
 body { font: 10px/1.35 "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; color: #1a1a1a; margin: 1.2em auto;
@@ -32,9 +34,9 @@ th:first-child, td:first-child { padding-left: 0; }
 td.alarm { color: #B2182B; font-weight: 700; }
 div.pair { display: grid; grid-template-columns: 1fr 1fr; column-gap: 2.4em; }
 div.pictures { display: grid; grid-template-columns: 1fr 1fr; gap: .8em; margin-top: .9em; }
-figure { margin: 0; break-inside: avoid; }
+figure { margin: 0; break-inside: avoid; text-align: center; }
 figure.wide { grid-column: 1 / 3; }
-figure img { width: 100%; max-height: 430px; object-fit: contain; }
+figure img { max-width: 100%; max-height: 430px; object-fit: contain; }
 figure.whole img { max-height: none; }
 figcaption { color: #444; text-align: center; }
 @media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.4px; line-height: 1.22; } p.note { font-size: 6.4px; }
@@ -114,4 +116,4 @@ def _figure(picture: Picture) -> str:
         picture.figure.savefig(stream, format=form, dpi=150, bbox_inches="tight", metadata={} if picture.raster else {"Date": None})
     data = base64.b64encode(stream.getvalue()).decode()
     caption = escape(picture.caption)
-    return f'<figure{kind}><img alt="{caption}" src="data:{mime};base64,{data}"/><figcaption>{caption}</figcaption></figure>'
+    return f'<figure{kind}><img style="width: {EM * width:.3g}em" alt="{caption}" src="data:{mime};base64,{data}"/><figcaption>{caption}</figcaption></figure>'

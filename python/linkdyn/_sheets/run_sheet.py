@@ -28,6 +28,8 @@ __all__ = ["run_page", "turning_coordinate"]
 
 Values = NDArray[np.float64]
 
+STRAIGHT = 0.01
+"""Of its largest force: a curve that is not wider is a line."""
 MOST_HODOGRAPHS = 6
 """Joints whose forces are drawn: those with the largest."""
 LOWEST_TRANSMISSION = np.radians(40.0)
@@ -398,9 +400,29 @@ def _pictures(run: xr.Dataset, scene: Scene | None) -> list[Picture]:
         pictures.append(_bare(f"Driving forces{over}", figure))
     if "reaction" in run:
         pictures.append(_bare(f"Joint forces and moments{over}", plot.reactions(run, crank)[0], wide=True))
-        pictures += [_bare(f"Hodographs of the largest joint forces, in the {pair} plane", plot.hodograph(run, names, pair)[0], wide=True)
-                     for pair, names in _largest(run)]
+        pictures += [_hodographs(run, pair, names) for pair, names in _largest(run) if _bent(run, pair, names)]
     return pictures
+
+
+def _hodographs(run: xr.Dataset, pair: str, names: list[str]) -> Picture:
+    from .. import plot
+
+    bent = _bent(run, pair, names)
+    straight = [name for name in names if name not in bent]
+    without = f"; {', '.join(straight)} keep{'s' if len(straight) == 1 else ''} to one line" if straight else ""
+    return _bare(f"Hodographs of the largest joint forces, in the {pair} plane{without}", plot.hodograph(run, bent, pair)[0], wide=True)
+
+
+def _bent(run: xr.Dataset, pair: str, names: list[str]) -> list[str]:
+    """Joints whose force leaves the line of its largest by more than that is wide in a panel: of the others the magnitude tells all."""
+    found = []
+    for name in names:
+        force = np.nan_to_num(run.reaction.sel(joint=name, component=[f"F{letter}" for letter in pair]).values)
+        top = force[np.argmax(np.linalg.norm(force, axis=1))]
+        aside = np.abs(force @ [-top[1], top[0]])
+        if aside.max() > STRAIGHT * (top @ top):
+            found.append(name)
+    return found
 
 
 def _bare(caption: str, figure: Any, wide: bool = False) -> Picture:
@@ -414,7 +436,8 @@ def _largest(run: xr.Dataset) -> list[tuple[str, list[str]]]:
     forces = [str(name) for name in run.component.values if str(name).startswith("F")]
     values = np.nan_to_num(run.reaction.sel(component=forces).values)
     sizes = np.linalg.norm(values, axis=-1).max(axis=0)
-    order = [k for k in np.argsort(-sizes, kind="stable")[:MOST_HODOGRAPHS] if sizes[k] > 0]
+    acts, _ = borne(sizes, np.zeros_like(sizes))
+    order = [k for k in np.argsort(-sizes, kind="stable")[:MOST_HODOGRAPHS] if acts[k]]
     if not order:
         return []
     pairs = ["xy"] if len(forces) == 2 else ["xy", "xz", "yz"]
