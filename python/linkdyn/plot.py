@@ -203,7 +203,7 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
     figure, axes = pyplot.subplots(
         rows, columns, squeeze=False, figsize=(1.0 + 3.0 * columns, 0.8 + 2.9 * rows), layout="constrained"
     )
-    figure.get_layout_engine().set(h_pad=0.09)      # names of axes lie apart from titles below them
+    figure.set_layout_engine("constrained", h_pad=0.09)     # names of axes lie apart from titles below them
     for k, (axis, name) in enumerate(zip(axes.flat, names)):
         force = run.reaction.sel(joint=name, component=wanted).values
         axis.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)

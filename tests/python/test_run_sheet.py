@@ -128,6 +128,8 @@ def test_hodographs_are_of_forces_that_turn():
     (picture,) = (item for item in sheet_page(scene.forward(), scene=scene).pictures if "Hodograph" in item.caption)
     assert picture.caption.endswith("; bearing keeps to one line")      # its weight and what shakes it, upright
     assert [axis.get_title().split(":")[0] for axis in picture.figure.axes if axis.get_visible()] == ["pivot1", "pivot2"]
+    hill = linkdyn.load(EXAMPLES / "hill_start" / "scene.toml")     # shafts without weight: no forces at all
+    assert not any("Joint forces" in item.caption for item in sheet_page(hill.forward(), scene=hill).pictures)
     hoist = linkdyn.load(EXAMPLES / "hoist" / "scene.toml")
     captions = [item.caption for item in sheet_page(hoist.forward(), scene=hoist).pictures]
     assert len(captions) == 3 and not any("Hodograph" in caption for caption in captions)
