@@ -272,7 +272,10 @@ class RunAccessor:
             peaks = self.worst("driving_force")
             top = peaks.value.abs().idxmax() if peaks.value.notna().any() else None
             if top is not None:
-                rows["largest driving force"] = f"{peaks.value[top]:.4g} {peaks.unit[top]}, {top}"
+                from ._drawing.style import readable
+
+                factor, unit = readable(str(peaks.unit[top]), abs(peaks.value[top]))
+                rows["largest driving force"] = f"{f'{factor * peaks.value[top]:.4g}'.replace('-', '−')} {unit}, {top}"
         return table(rows)
 
     # ---------------------------------------------------------------- parts

@@ -109,6 +109,11 @@ def load(path: str | os.PathLike[str]) -> Scene:
     return Scene(Path(as_path("path", path)))
 
 
+def _mass_text(mass: float) -> str:
+    """With four digits, whole kilograms from 10 t on."""
+    return f"{mass:.0f} kg" if 1e4 <= mass < 1e7 else f"{mass:.4g} kg"
+
+
 def _read_again(text: str, folder: str, file: str | None) -> Scene:
     """A scene from what `Scene.__reduce__` keeps of it."""
     scene = Scene(text, folder=folder)
@@ -188,7 +193,7 @@ class Scene:
             {
                 "title": self.title,
                 "space": "planar" if self.planar else "spatial",
-                "links": f"{len(self.links)} moving, {sum(link['mass'] for link in self.description['links']):.4g} kg",
+                "links": f"{len(self.links)} moving, {_mass_text(sum(link['mass'] for link in self.description['links']))}",
                 "joints": ", ".join(f"{n} {kind}" for kind, n in kinds.items()),
                 "coordinates": ", ".join(self.coordinates),
                 "actuators": ", ".join(self.actuators),

@@ -178,6 +178,10 @@ def test_notebooks_show_it_in_short(scene, run):
     for shown in (scene._repr_html_(), run.linkdyn._repr_html_()):
         assert "Stewart platform of Tsai" in shown and len(shown) < 2500 and "[[" not in shown
     assert "15.26 N, leg4.P" in run.linkdyn._repr_html_()
+    examples = Path(__file__).resolve().parents[2] / "examples"
+    ship = linkdyn.load(examples / "ship_hexapod" / "scene.toml")       # as people write them: 1.296e+04 kg, 3.575e+04 N
+    assert "13 moving, 12960 kg" in ship._repr_html_() and "35.75 kN, leg2.P" in ship.inverse().linkdyn._repr_html_()
+    assert "−95.74 kN·m, J1" in linkdyn.load(examples / "fourbar" / "scene.toml").inverse().linkdyn._repr_html_()
     assert "&lt;b&gt;" in scene.with_({"title": "<b>"})._repr_html_()
 
 
