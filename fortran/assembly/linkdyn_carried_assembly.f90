@@ -302,14 +302,15 @@ contains
     end function leaves_doubt
 
     !> The same on lanes, of one map.
-    pure subroutine note_doubt(passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+    pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        integer, intent(in) :: n                       !! lanes
         logical, intent(in) :: passes_change_points
         real(wp), intent(in) :: least_margin
-        real(wp), intent(in), contiguous, dimension(:) :: before, drift_before, now, drift_now     !! rates in 1/s (lane)
-        real(wp), intent(in), contiguous :: ahead(:)   !! how long the steps are [s] (lane)
-        logical, intent(inout), contiguous :: is_doubtful(:)
+        real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates in 1/s
+        real(wp), intent(in) :: ahead(n)               !! how long the steps are [s]
+        logical, intent(inout) :: is_doubtful(n)
 
-        call doubt_unsound(least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        call doubt_unsound(n, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
         if (.not. passes_change_points) is_doubtful = is_doubtful .or. abs(now) <= least_margin
     end subroutine note_doubt
 

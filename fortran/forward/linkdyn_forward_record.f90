@@ -329,13 +329,14 @@ contains
                 call evaluate_at_instants(model%scene%actuator(k)%drive%target, record%instant, samples%effort(k, :n), &
                                           samples%target(2*k, :n), record%ignored(:n))
                 samples%target(2*k - 1, :n) = samples%effort(k, :n)
-                call fill(samples%effort(k:k, :))
-                call fill(samples%target(2*k - 1:2*k, :))
+                if (n < size(t)) call fill(samples%effort(k:k, :))
+                if (n < size(t)) call fill(samples%target(2*k - 1:2*k, :))
             end do
             do k = 1, model%n_q
                 if (layout%rate(k) > 0) cycle
                 call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k, :n), samples%qd(k, :n), &
                                           samples%qdd(k, :n))
+                if (n == size(t)) cycle
                 call fill(samples%q(k:k, :))
                 call fill(samples%qd(k:k, :))
                 call fill(samples%qdd(k:k, :))
@@ -491,9 +492,9 @@ contains
         ahead(:n) = t(:n) - assembly%t(:n)
         associate (samples => record%samples, out => record%recorded%out, passes => model%scene%passes_change_points)
             do m = 1, model%n_branch
-                call note_doubt(passes, model%least_margin(m), assembly%margin(:n, m), assembly%drift(:n, m), &
-                                samples%found(:n, out%margin + m - 1), samples%found(:n, out%drift + m - 1), ahead(:n), &
-                                samples%is_left(:n))
+                call note_doubt(n, passes, model%least_margin(m), assembly%margin(:, m), assembly%drift(:, m), &
+                                samples%found(:, out%margin + m - 1), samples%found(:, out%drift + m - 1), ahead, &
+                                samples%is_left)
             end do
             do g = 1, merge(size(model%group), 0, places_groups(record%recorded))
                 m = model%n_branch + g

@@ -386,14 +386,15 @@ contains
     end function is_step_sound
 
     !> On lanes, of one map: where it may not be believed something is in doubt. Without a call for each.
-    pure subroutine doubt_unsound(least_margin, before, drift_before, now, drift_now, step, is_doubtful)
+    pure subroutine doubt_unsound(n, least_margin, before, drift_before, now, drift_now, step, is_doubtful)
+        integer, intent(in) :: n                            !! lanes
         real(wp), intent(in) :: least_margin
-        real(wp), intent(in), contiguous, dimension(:) :: before, drift_before, now, drift_now     !! rates per unit of the steps (lane)
-        real(wp), intent(in), contiguous :: step(:)         !! (lane)
-        logical, intent(inout), contiguous :: is_doubtful(:)
+        real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates per unit of the steps
+        real(wp), intent(in) :: step(n)
+        logical, intent(inout) :: is_doubtful(n)
         integer :: lane
 
-        do lane = 1, size(before)
+        do lane = 1, n
             is_doubtful(lane) = is_doubtful(lane) .or. .not. is_step_sound( &
                                 least_margin, before(lane), step(lane)*drift_before(lane), now(lane), step(lane)*drift_now(lane))
         end do
