@@ -860,11 +860,13 @@ contains
         real(wp), intent(in) :: joint_rate(:, :)       !! [m/s, rad/s] (n_variable, n)
         real(wp), intent(out) :: speed(:, :)           !! [m/s, rad/s] (n_actuator, n)
         real(wp), intent(out) :: power(:, :)           !! [W] (n_actuator, n)
-        integer :: i
+        integer :: i, k
 
         do i = 1, size(speed, 2)
-            speed(:, i) = joint_rate(layout%actuator_variable, i)
-            power(:, i) = speed(:, i)*driving_force(:, i)
+            do k = 1, size(speed, 1)
+                speed(k, i) = joint_rate(layout%actuator_variable(k), i)
+                power(k, i) = speed(k, i)*driving_force(k, i)
+            end do
         end do
     end subroutine find_driving_power
 

@@ -15,7 +15,7 @@ module linkdyn_turns
     implicit none (type, external)
     private
     public :: turn_count, turning_angles, list_turning, turns_by_itself, count_sample, take_turns_off, turn_at_mean_rates
-    public :: size_of_step, largest_step
+    public :: keeps_turns, size_of_step, largest_step
 
     !> Steps of coordinates that are longer leave room for a turn between alike rates [rad, or the scene's size].
     real(wp), parameter :: largest_step = pi/2
@@ -183,6 +183,31 @@ contains
             if (middle > 0) is_at_pole = min(abs(cos(value(middle))), abs(cos(value_there(middle)))) < at_pole
         end function is_at_pole
     end subroutine turn_at_mean_rates
+
+    !> Does nothing turn by as much on a straight step as could be a turn, so that `turn_at_mean_rates` is surely sure and `count_sample`
+    !> finds nothing to count? Angles have their turns at the beginning, and are told with the same ones at the end; coordinates are
+    !> within a step of that. All joint variables are asked, which a compiler does side by side.
+    pure logical function keeps_turns(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there) result(keeps)
+        type(turning_angles), intent(in) :: angles
+        real(wp), intent(in), contiguous :: q(:), q_there(:)     !! at the step's beginning and end (n_q)
+        real(wp), intent(in), contiguous :: qd(:), qd_there(:)   !! likewise
+        real(wp), intent(in), contiguous :: rate(:), rate_there(:)      !! (n_variable)
+        real(wp), intent(in), contiguous :: value(:), value_there(:)    !! (n_variable)
+        real(wp), parameter :: little = pi/8           ! half of what is believed of measured angles and of rates
+        real(wp) :: duration(2)
+        integer :: k, n_more
+
+        call find_durations(angles%weight, q, q_there, qd, qd_there, duration, keeps)
+        if (.not. keeps) return
+        duration = abs(duration)
+        n_more = 0
+        do k = 1, size(value)
+            ! written so that what is no number is more
+            if (.not. (abs(value_there(k) - value(k)) <= little .and. &
+                       abs(rate(k))*duration(1) + abs(rate_there(k))*duration(2) <= little)) n_more = n_more + 1
+        end do
+        keeps = n_more == 0
+    end function keeps_turns
 
     !> How long each end's motion goes on to make a step: both together, or one alone where the motion turns back in between. Not
     !> found of a step that is too long, or along which neither leads.

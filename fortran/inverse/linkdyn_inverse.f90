@@ -53,11 +53,11 @@ module linkdyn_inverse
         module subroutine count_turns_on_way(model, closing, q, qd, rate, turned, assembly, variable, turns)
             type(model_type), intent(in) :: model
             type(closing_programs), pointer, intent(in) :: closing    !! of the groups' steps; null: there are none
-            real(wp), intent(in) :: q(:, :), qd(:, :)      !! (n_q, n)
-            real(wp), intent(in) :: rate(:, :)             !! of the joint variables (n_variable, n)
+            real(wp), intent(in), contiguous :: q(:, :), qd(:, :)      !! (n_q, n)
+            real(wp), intent(in), contiguous :: rate(:, :)         !! of the joint variables (n_variable, n)
             logical, intent(in) :: turned(:)               !! attitudes of a sample go by quaternions (n)
             type(sample_assembly), intent(in) :: assembly  !! of the samples; empty: there is but one
-            real(wp), intent(inout) :: variable(:, :)      !! (n_variable, n); samples that failed are NaN
+            real(wp), intent(inout), contiguous :: variable(:, :)  !! (n_variable, n); samples that failed are NaN
             type(turn_count), intent(inout) :: turns       !! of the samples before, then of the last of these
         end subroutine count_turns_on_way
     end interface

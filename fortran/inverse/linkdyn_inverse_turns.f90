@@ -1,10 +1,12 @@
 !> Turns of joint angles along a batch: at the mean of the rates from sample to sample, and where these do not tell, along the way.
 submodule (linkdyn_inverse) linkdyn_inverse_turns
     use linkdyn_catalogue, only: result_joint_rate, result_joint_variable
+    use linkdyn_constants, only: two_pi
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_assembly_trail, only: begin_trail, reached_anew
     use linkdyn_status, only: sample_ok
-    use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, size_of_step, largest_step
+    use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, keeps_turns, size_of_step, &
+        largest_step
     implicit none (type, external)
 
 contains
@@ -24,14 +26,21 @@ contains
         type(inverse_solver) :: solver                     ! of motion alone
         type(inverse_options) :: options
         type(status_type) :: status
-        real(wp) :: about(size(variable, 1))
-        logical :: is_sure
+        real(wp), dimension(size(variable, 1)) :: about, told, whole    ! whole turns of the last sample, as angles
+        logical :: is_sure, has_turned
         integer :: i, last                                 ! sample of this batch; 0: one of the batch before
 
         call list_turning(model, angles)
         if (size(angles%variable) == 0) return
         last = 0
+        whole = 0
+        has_turned = .false.
         do i = 1, size(variable, 2)
+            if (goes_on_alike(i)) then
+                if (has_turned) variable(:, i) = variable(:, i) + whole
+                last = i
+                cycle
+            end if
             if (.not. all(abs(variable(:, i)) + abs(rate(:, i)) <= huge(1.0_wp))) cycle
             about = 0
             if (goes_by_quaternion(i)) then
@@ -51,7 +60,10 @@ contains
             else if (turns%has_begun) then
                 about = turns%before + about
             end if
+            told = variable(:, i)
             call count_sample(angles, about, variable(:, i), q(:, i))
+            whole = two_pi*anint((variable(:, i) - told)/two_pi)
+            has_turned = any(whole /= 0)
             turns%has_begun = .true.
             last = i
         end do
@@ -59,6 +71,23 @@ contains
         if (solver%is_prepared()) call solver%free()
 
     contains
+
+        !> Has a sample surely the turns of the last one, as nearly always?
+        logical function goes_on_alike(i)
+            integer, intent(in) :: i
+
+            goes_on_alike = .false.
+            if (last == 0) return
+            if (goes_by_quaternion(i) .or. is_anew(assembly, i)) return
+            if (has_turned) then
+                told = variable(:, i) + whole
+                goes_on_alike = keeps_turns(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+                                            variable(:, last), told)
+            else
+                goes_on_alike = keeps_turns(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+                                            variable(:, last), variable(:, i))
+            end if
+        end function goes_on_alike
 
         !> Does a sample, or the one before?
         logical function goes_by_quaternion(i)

@@ -2,8 +2,9 @@
 module test_turns
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
+    use linkdyn_test_numbers, only: random_stream
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
-    use linkdyn_turns, only: turning_angles, turn_at_mean_rates
+    use linkdyn_turns, only: turning_angles, turn_at_mean_rates, keeps_turns, count_sample
     implicit none (type, external)
     private
     public :: collect_turns
@@ -13,7 +14,8 @@ contains
     subroutine collect_turns(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("a ball at its pole is not asked", test_pole)]
+        tests = [new_test("a ball at its pole is not asked", test_pole), &
+                 new_test("samples that surely keep their turns", test_keeping)]
     end subroutine collect_turns
 
     !> There rounding decides what roll and yaw are, and how fast they turn: to look closer tells no more.
@@ -29,6 +31,50 @@ contains
         call turn(1.0_wp, is_sure, away)
         call check(error, .not. is_sure, "a look elsewhere")
     end subroutine test_pole
+
+    !> What is said to keep its turns without a look at each angle has them by that look, too.
+    subroutine test_keeping(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n_draw = 20000
+        type(turning_angles) :: angles
+        type(random_stream) :: stream
+        real(wp) :: q(2), q_there(2), qd(2), qd_there(2), draw(2)
+        real(wp), dimension(6) :: rate, rate_there, value, value_there, turned, counted
+        logical :: is_sure
+        integer :: i, n_kept
+
+        ! a hinge that is led, a hinge, a ball and a slide
+        angles%joint = [1, 2, 3, 3]
+        angles%of_joint = [1, 1, 1, 3]
+        angles%variable = [1, 2, 3, 5]
+        angles%coordinate = [2, 0, 0, 0]
+        angles%is_idle = [.false., .false., .false., .false.]
+        angles%middle = [0, 0, 4, 4]
+        angles%weight = [1.0_wp, 1.0_wp]
+        n_kept = 0
+        do i = 1, n_draw
+            draw = stream%vector(2)
+            q = 20*stream%vector(2)
+            q_there = q + 2*abs(draw(1))*stream%vector(2)
+            qd = (q_there - q)*(1 + 0.1_wp*stream%vector(2))
+            qd_there = (q_there - q)*(1 + 0.1_wp*stream%vector(2))
+            rate = abs(draw(2))*stream%vector(6)
+            rate_there = rate + abs(draw(2))*stream%vector(6)
+            value = pi*stream%vector(6)
+            value(1) = q(2)
+            value_there = value + abs(draw(1))*stream%vector(6)
+            value_there(1) = modulo(q_there(2) + pi, 2*pi) - pi
+            if (modulo(i, 2) == 0) value_there(1) = q_there(2)
+            if (modulo(i, 3) == 0) value_there(2) = modulo(value_there(2), 2*pi) - pi
+            if (.not. keeps_turns(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there)) cycle
+            n_kept = n_kept + 1
+            call turn_at_mean_rates(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there, turned, is_sure)
+            counted = value_there
+            call count_sample(angles, value + turned, counted, q_there)
+            call check(error, is_sure .and. all(counted == value_there), "they have the turns that they are told with")
+        end do
+        call check(error, n_kept > n_draw/50, "there are many of them")
+    end subroutine test_keeping
 
     !> A step of a tenth of a coordinate, as a ball sees it whose middle angle stays.
     subroutine turn(pitch, is_sure, turned)
