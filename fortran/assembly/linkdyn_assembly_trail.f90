@@ -61,7 +61,8 @@ module linkdyn_assembly_trail
     type :: sample_assembly
         real(wp), allocatable :: branch(:, :)       !! (n_branch, n)
         real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
-        real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
+        real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n); of samples that follow others
+                                                    !! from 0 on
         real(wp), allocatable :: margin(:, :)       !! of the groups at the sample; 0: not there yet (n_group, n)
         integer, allocatable :: status(:)           !! one of `sample_*`: not ok where the assembly was not followed to (n)
         integer, allocatable :: reached(:)          !! one of `reached_*` (n)
@@ -96,7 +97,7 @@ contains
         real(wp) :: start(place_size(model), model%n_link)
         integer :: i
 
-        call allocate_room(model, n, assembly)
+        call allocate_room(model, 1, n, assembly)
         do i = 1, n
             assembly%branch(:, i) = model%branch
         end do
@@ -110,17 +111,25 @@ contains
     end subroutine make_room
 
     !> The same for samples of which each is given its assembly.
-    subroutine allocate_room(model, n, assembly)
+    subroutine allocate_room(model, first, n, assembly)
         type(model_type), intent(in) :: model
+        integer, intent(in) :: first                !! place
         integer, intent(in) :: n
         type(sample_assembly), intent(out) :: assembly
+        integer, allocatable :: other(:)             ! links, of no group
+        integer :: i, l, g
 
         allocate (assembly%branch(size(model%branch), n))
         allocate (assembly%status(n), source=sample_ok)
         allocate (assembly%reached(n), source=reached_straight)
         if (size(model%group) == 0) return
         allocate (assembly%q(model%n_q, n), assembly%margin(size(model%group), n))
-        allocate (assembly%place(place_size(model), model%n_link, n))
+        other = pack([(l, l=1, model%n_link)], [(.not. any([(any(model%group(g)%link == l), g=1, size(model%group))]), &
+                                                 l=1, model%n_link)])
+        allocate (assembly%place(place_size(model), model%n_link, first:n))
+        do i = first, n
+            assembly%place(:, other, i) = 0
+        end do
     end subroutine allocate_room
 
     !> Places of the groups' links at the start; zero for other links.
@@ -195,7 +204,7 @@ contains
             call make_room(model, size(q, 2), assembly)
             return
         end if
-        call allocate_room(model, size(q, 2), assembly)
+        call allocate_room(model, 0, size(q, 2), assembly)
         nullify (forms)
         if (present(margins)) forms => margins
         if (present(closer)) trail%state%group%closer => closer
@@ -299,18 +308,26 @@ contains
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
         class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
+        real(wp) :: nowhere(0, 0, 0)
         integer :: n, i
 
-        call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, trail%stride)
+        associate (closer => trail%state%group%closer)
+            if (size(model%group) > 0) then
+                assembly%place(:, :, n_done) = trail%place
+                call make_stride(model, trail%q, q, trail%branch, closer, margins, &
+                                 assembly%place(:, :, n_done:n_done + size(q, 2)), trail%stride)
+            else
+                call make_stride(model, trail%q, q, trail%branch, closer, margins, nowhere, trail%stride)
+            end if
+        end associate
         n = trail%stride%n_believed
         do i = n_done + 1, n_done + n
             assembly%branch(:, i) = trail%branch
         end do
         if (size(model%group) > 0) then
             assembly%q(:, n_done + 1:n_done + n) = trail%stride%at(:, 1:n)
-            assembly%place(:, :, n_done + 1:n_done + n) = trail%stride%groups%place(:, :, 1:n)
             assembly%margin(:, n_done + 1:n_done + n) = trail%stride%groups%margin(:, 1:n)
-            trail%place = trail%stride%groups%place(:, :, n)
+            trail%place = assembly%place(:, :, n_done + n)
         end if
         n_done = n_done + n
         trail%q = trail%stride%at(:, n)

@@ -11,7 +11,8 @@ module linkdyn_group_block
     implicit none (type, external)
     private
     public :: group_block, prepare_block, close_block, find_drift
-    public :: take_sample, tell_sample, set_out, lead_links, lead_link, take_points, lay_curve, explain_shifts, explain_steps
+    public :: take_sample, tell_sample, tell_samples, set_out, lead_links, lead_link, take_points, lay_curve
+    public :: explain_shifts, explain_steps
 
     integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
     integer, parameter, public :: n_point = 6       !! that a curve is laid through
@@ -26,13 +27,15 @@ module linkdyn_group_block
         real(wp), allocatable :: from(:, :, :)      !! where they have come from: places likewise
         real(wp), allocatable :: shift(:, :, :)     !! shifts and turns that lead from there (sample, link_freedom, n_link)
         real(wp), allocatable :: rate(:, :, :)      !! along the way (sample, link_freedom, n_link)
+        real(wp), allocatable :: speed(:, :)        !! the largest of a group's, lengths by the mechanism's size (sample, n_group)
         real(wp), allocatable :: margin(:, :)       !! (sample, n_group)
         real(wp), allocatable :: drift(:, :)        !! its rate along the way (sample, n_group)
         real(wp), allocatable :: thread(:, :)       !! angles of threads by their slides, with their turns (sample, thread) [rad]
         real(wp), allocatable :: thread_rate(:, :)  !! along the way (sample, thread)
         logical, allocatable :: is_closed(:)        !! (sample)
         logical :: only_leads = .false.             !! steps need not be as sure as where samples stay, see `group_closer`
-        real(wp), private :: whole = 1              !! the mechanism's size
+        logical :: wants_rates = .true.             !! false: speeds do
+        real(wp) :: whole = 1                       !! the mechanism's size
         ! ---- scratch, for the largest group
         real(wp), allocatable, private :: ahead(:, :, :), velocity(:, :), corrected(:, :), turned(:, :), extent(:, :)
         real(wp), allocatable, private :: q(:, :), margin_here(:), before(:), contraction(:)
@@ -62,10 +65,11 @@ contains
                   block%from(n, place_size(model), model%n_link))
         allocate (block%shift(n, link_freedom(model), model%n_link), block%rate(n, link_freedom(model), model%n_link))
         block%rate = 0
-        allocate (block%margin(n, size(model%group)), block%drift(n, size(model%group)))
+        allocate (block%margin(n, size(model%group)), block%drift(n, size(model%group)), block%speed(n, size(model%group)))
         block%margin = 0
+        block%speed = 0
         allocate (block%thread(n, sum(model%group%n_thread)), block%thread_rate(n, sum(model%group%n_thread)))
-        allocate (block%velocity(n, n_row), block%corrected(n, place_size(model)*n_row/link_freedom(model)), block%extent(n, 3))
+        allocate (block%velocity(n, n_row), block%corrected(n, place_size(model)*n_row/link_freedom(model)), block%extent(n, 4))
         allocate (block%turned(n, 2*maxval(model%group%n_thread)))
         allocate (block%margin_here(n), block%before(n), block%contraction(n))
         allocate (block%is_closed(n), block%is_sure(n), block%is_under_way(n), block%takes(n))
@@ -107,6 +111,49 @@ contains
             end do
         end do
     end subroutine tell_sample
+
+    !> Places of all samples.
+    pure subroutine tell_samples(model, block, place)
+        type(model_type), intent(in) :: model
+        type(group_block), intent(in) :: block
+        real(wp), intent(inout) :: place(place_size(model), model%n_link, size(block%is_closed))
+        integer :: g, i
+
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    call turn_columns(size(place, 3), size(place, 1), size(place, 1)*size(place, 2), block%place(:, :, l), &
+                                      place(1, l, 1))
+                end associate
+            end do
+        end do
+    end subroutine tell_samples
+
+    !> Columns become rows, `apart` numbers from one to the next.
+    pure subroutine turn_columns(n, m, apart, column, row)
+        integer, intent(in) :: n, m, apart
+        real(wp), intent(in) :: column(n, m)
+        real(wp), intent(inout) :: row(apart, *)               !! of which the first m are written
+        integer :: s
+
+        if (m == 3) then
+            do s = 1, n
+                row(1, s) = column(s, 1)
+                row(2, s) = column(s, 2)
+                row(3, s) = column(s, 3)
+            end do
+        else
+            do s = 1, n
+                row(1, s) = column(s, 1)
+                row(2, s) = column(s, 2)
+                row(3, s) = column(s, 3)
+                row(4, s) = column(s, 4)
+                row(5, s) = column(s, 5)
+                row(6, s) = column(s, 6)
+                row(7, s) = column(s, 7)
+            end do
+        end if
+    end subroutine turn_columns
 
     !> One sample's links at a place from which tangents lead: `lead_links` takes them along.
     pure subroutine set_out(model, s, place, tangent, block)
@@ -314,10 +361,7 @@ contains
         block%contraction = 0
         where (block%is_closed) block%margin(:, g) = 0
         do step = 1, most_steps
-            call closer%make_steps(g, block%at, block%way, block%branch, block%place, block%margin_here, block%is_sure, &
-                                   rate=block%velocity(:, :n_row), thread=block%turned(:, :2*group%n_thread), &
-                                   corrected=block%corrected(:, :n_place*size(group%link)), extent=block%extent, &
-                                   only_leads=block%only_leads)
+            call make_steps()
             call put_where(n, block%is_under_way, block%margin_here, block%margin(:, g))
             block%takes = block%is_under_way
             call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), block%whole, &
@@ -326,13 +370,29 @@ contains
             block%takes = block%takes .and. block%is_closed
             call put_links(group, n, n_place, block%takes, block%corrected, block%place)
             call put_threads()
+            call put_where(n, block%takes, block%extent(:, 4), block%speed(:, g))
             block%takes = block%takes .and. .not. block%is_under_way
-            if (any(block%takes)) call put_links(group, n, n_row/size(group%link), block%takes, block%velocity, block%rate)
+            if (block%wants_rates .and. any(block%takes)) &
+                call put_links(group, n, n_row/size(group%link), block%takes, block%velocity, block%rate)
             if (.not. any(block%is_under_way)) return
         end do
         block%is_closed = block%is_closed .and. .not. block%is_under_way
 
     contains
+
+        subroutine make_steps()
+
+            associate (corrected => block%corrected(:, :n_place*size(group%link)))
+                if (block%wants_rates) then
+                    call closer%make_steps(g, block%at, block%way, block%branch, block%place, block%margin_here, block%is_sure, &
+                                           rate=block%velocity(:, :n_row), thread=block%turned(:, :2*group%n_thread), &
+                                           corrected=corrected, extent=block%extent, only_leads=block%only_leads)
+                else
+                    call closer%make_steps(g, block%at, block%way, block%branch, block%place, block%margin_here, block%is_sure, &
+                                           corrected=corrected, extent=block%extent)
+                end if
+            end associate
+        end subroutine make_steps
 
         subroutine put_threads()
             integer :: i
@@ -387,12 +447,10 @@ contains
 
         n = size(block%at, 1)
         n_place = size(block%place, 2)
-        associate (step => block%before, speed => block%contraction)
+        associate (step => block%before)
             step = huge(1.0_wp)
             do g = 1, size(model%group)
-                call find_speed(model%group(g), n, size(block%rate, 2), merge(2, 3, model%is_planar), block%whole, block%rate, &
-                                speed)
-                step = merge(min(step, step_ahead(block%margin(:, g), speed)), step, speed > 0)
+                step = merge(min(step, step_ahead(block%margin(:, g), block%speed(:, g))), step, block%speed(:, g) > 0)
             end do
             where (.not. step < huge(1.0_wp)) step = 0         ! nothing moves
             do k = 1, size(block%q, 2)
@@ -417,44 +475,6 @@ contains
             end do
         end associate
     end subroutine find_drift
-
-    !> The largest rate of a group's links, lengths by the mechanism's size.
-    pure subroutine find_speed(group, n, m, n_shift, extent, rate, speed)
-        type(group_type), intent(in) :: group
-        integer, intent(in) :: n, m                            !! samples; freedoms of a link
-        integer, intent(in) :: n_shift                         !! of these
-        real(wp), intent(in) :: extent
-        real(wp), intent(in) :: rate(n, m, *)
-        real(wp), intent(out) :: speed(n)
-        real(wp) :: shift(n), turn(n)                          ! squares of the largest
-        integer :: i
-
-        shift = 0
-        turn = 0
-        do i = 1, size(group%link)
-            call widen(rate(:, :n_shift, group%link(i)), n_shift, shift)
-            call widen(rate(:, n_shift + 1:, group%link(i)), m - n_shift, turn)
-        end do
-        speed = max(sqrt(shift)/extent, sqrt(turn))
-
-    contains
-
-        pure subroutine widen(x, n_number, largest)
-            integer, intent(in) :: n_number
-            real(wp), intent(in) :: x(n, n_number)
-            real(wp), intent(inout) :: largest(n)
-            real(wp) :: square
-            integer :: k, s
-
-            do s = 1, n
-                square = 0
-                do k = 1, n_number
-                    square = square + x(s, k)**2
-                end do
-                largest(s) = max(largest(s), square)
-            end do
-        end subroutine widen
-    end subroutine find_speed
 
     !> Where is it surely explained how all links have come from other places: by the mean of `shift` and of their rates? Of other
     !> samples `is_close` of `linkdyn_stride` tells, which knows threads, too, and measures angles.

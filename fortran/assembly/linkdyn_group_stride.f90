@@ -6,20 +6,22 @@
 !> where the iteration began but for rounding, as long as it is this assembly; whether it is, is judged by who asks.
 !>
 !> Newton's method is that of `linkdyn_group_block`. At a sample of which its steps are not sure, or which the prediction does not
-!> lead near enough to, the stride ends.
+!> lead near enough to, the stride ends. Blocks of short steps (`linkdyn_short_steps`) take one step of Newton's method and nothing
+!> else, and the next stride goes on along their curve.
 module linkdyn_group_stride
-    use linkdyn_group_block, only: group_block, prepare_block, close_block, find_drift, take_sample, tell_sample, lead_link, &
-        n_point, take_points, lay_curve, explain_steps
+    use linkdyn_group_block, only: group_block, prepare_block, close_block, find_drift, take_sample, tell_sample, tell_samples, &
+        lead_link, n_point, take_points, lay_curve, explain_steps
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom
+    use linkdyn_short_steps, only: short_part, moves_shortly, are_short
     implicit none (type, external)
     private
-    public :: group_stride, stride_groups, find_tangents, predict, close_from, close_places, share_along
+    public :: group_stride, left_behind, stride_groups, find_tangents, predict, close_from, close_places, share_along
 
     !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
     type :: group_stride
-        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, sample)
+        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, sample); of strides who asks has them
         real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, sample)
         real(wp), allocatable :: margin(:, :)       !! (n_group, sample)
         real(wp), allocatable :: drift(:, :)        !! its rate along the way (n_group, sample)
@@ -30,51 +32,85 @@ module linkdyn_group_stride
         real(wp), allocatable :: thread_rate_there(:, :) !! (thread, sample)
         logical, allocatable :: is_closed(:)        !! (sample)
         logical, allocatable :: is_explained(:)     !! of strides: rates explain surely how links have come from the sample before
+        logical, allocatable :: is_short(:)         !! of strides: the step from the sample before is believed without rates and drifts
     end type group_stride
+
+    !> What a stride leaves to the one that sets out where it ended.
+    type :: left_behind
+        logical :: has_curve = .false.              !! through samples of its last block
+        logical :: is_short = .false.               !! steps are
+        real(wp), allocatable :: through(:, :, :)   !! (n_point, place_size, n_link)
+        real(wp), allocatable :: margin(:)          !! at its last sample (n_group)
+        real(wp), allocatable :: place(:, :)        !! there (place_size, n_link)
+    end type left_behind
 
 contains
 
     !> Close the groups at the samples, as far as that goes on from the first one.
-    subroutine stride_groups(model, closer, at, way, branch, start, stride)
+    subroutine stride_groups(model, closer, at, way, branch, goes_on, behind, place, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, 0:)          !! coordinates (n_q, 0:n)
         real(wp), intent(in), contiguous :: way(:, 0:)         !! from there (n_q, 0:n)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, 1)
-        real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
+        logical, intent(in) :: goes_on                         !! the first sample is the last of the stride before
+        type(left_behind), intent(inout) :: behind             !! of that one, then of this one
+        real(wp), intent(inout), contiguous :: place(:, :, 0:) !! of the first sample's links; found at the others (.., n_link, 0:n)
         type(group_stride), intent(inout) :: stride            !! as it was left, its room is used again
         type(group_block) :: block
         integer :: n, at_once, first, last, point(n_point)
         real(wp), allocatable :: weight(:, :)                  ! of points (sample of a block, point)
-        real(wp) :: through(n_point, size(start, 1), size(start, 2))
+        real(wp) :: part
         logical :: has_threads
 
         n = ubound(at, 2)
         has_threads = any(model%group%n_thread > 0)
+        part = short_part(model)
         at_once = max(closer%samples_at_once, n_point)
         point = [(at_once - (n_point - first)*((at_once - 1)/(n_point - 1)), first=1, n_point)]
         weight = weights_of(point, at_once)
-        if (allocated(stride%place)) then
-            if (lbound(stride%place, 3) /= 0 .or. ubound(stride%place, 3) /= n .or. has_threads) stride = group_stride()
+        if (.not. goes_on) behind = left_behind()
+        if (allocated(stride%rate)) then
+            if (ubound(stride%rate, 3) /= n .or. has_threads) stride = group_stride()
         end if
-        if (.not. allocated(stride%place)) call make_room(model, 0, n, stride)
+        if (.not. allocated(stride%rate)) call make_room(model, 0, n, stride)
         stride%is_closed = .false.
         stride%is_explained = .false.
-        stride%place(:, :, 0) = start
-        call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, block, stride)
+        stride%is_short = .false.
+        if (behind%is_short) then
+            stride%margin(:, 0) = behind%margin
+            stride%is_closed(0) = .true.
+        else
+            call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, block, place(:, :, :0), stride)
+        end if
         first = 1
         do while (first <= n .and. stride%is_closed(first - 1))
             last = min(n, first + at_once - 1)
+            if (behind%is_short) then
+                call close_shortly(model, closer, at(:, first:last), way(:, first - 1:last - 1), branch, first, part, weight, &
+                                   behind, block, place(:, :, first - 1:last), stride)
+                if (behind%is_short) then
+                    call leave_behind()
+                else
+                    ! how its margin changes nobody has asked yet
+                    last = first - 1
+                    call close_samples(model, closer, at(:, last:last), way(:, last:last), branch, last, block, &
+                                       place(:, :, last:last), stride)
+                end if
+                first = last + 1
+                cycle
+            end if
             ! quaternions of a spinning link lie on no polynomial
-            if (first > at_once .and. .not. has_threads) then
-                call take_points(model, block, point, through)
+            if (behind%has_curve .and. .not. has_threads) then
                 call prepare_block(model, last - first + 1, block)
-                call lay_curve(model, weight, through, block)
-                call close_led(model, closer, at(:, first:last), way(:, first:last), branch, first, block, stride)
+                call lay_curve(model, weight, behind%through, block)
+                call close_led(model, closer, at(:, first:last), way(:, first:last), branch, first, block, &
+                               place(:, :, first:last), stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
-                call lead_by_tangents(model, closer, at, branch, first, last, stride%place)
-                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, block, stride)
+                call lead_by_tangents(model, closer, at, branch, first, last, place)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, block, &
+                                   place(:, :, first:last), stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
                 if (.not. has_threads) exit
@@ -83,11 +119,24 @@ contains
             end if
             if (last < first) exit
             if (last - first + 1 == size(block%is_closed)) call explain_block()
+            behind%is_short = last - first + 1 == at_once .and. moves_shortly(part, block)
+            call leave_behind()
             first = last + 1
         end do
-        if (has_threads) call find_rates_there(model, closer, at, way, branch, stride)
+        if (has_threads) call find_rates_there(model, closer, at, way, branch, place, stride)
 
     contains
+
+        !> What the next block, or the next stride, goes on from.
+        subroutine leave_behind()
+            behind%has_curve = last - first + 1 == at_once
+            behind%is_short = behind%is_short .and. behind%has_curve
+            behind%margin = stride%margin(:, last)
+            behind%place = place(:, :, last)
+            if (.not. behind%has_curve) return
+            if (.not. allocated(behind%through)) allocate (behind%through(n_point, size(place, 1), size(place, 2)))
+            call take_points(model, block, point, behind%through)
+        end subroutine leave_behind
 
         subroutine explain_block()
             real(wp) :: back(last - first + 1)
@@ -97,7 +146,7 @@ contains
                 back(s - first + 1) = share_along(way(:, s - 1), way(:, s))
             end do
             associate (before => first - 1)
-                call explain_steps(model, stride%place(:, :, before), stride%rate(:, :, before), stride%margin(:, before), back, &
+                call explain_steps(model, place(:, :, before), stride%rate(:, :, before), stride%margin(:, before), back, &
                                    block, stride%is_explained(first:last))
             end associate
             ! others are looked at by their rates
@@ -117,11 +166,12 @@ contains
 
     !> Rates at the samples along the ways that lead to them. A screw turns by much on a short way: what a bend of the way adds to
     !> that must not be taken for something unexplained.
-    subroutine find_rates_there(model, closer, at, way, branch, stride)
+    subroutine find_rates_there(model, closer, at, way, branch, place, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, 0:), way(:, 0:)
         real(wp), intent(in), contiguous :: branch(:, :)
+        real(wp), intent(in) :: place(:, :, 0:)
         type(group_stride), intent(inout) :: stride
         real(wp), dimension(ubound(at, 2)) :: margin
         logical :: is_sure(ubound(at, 2))
@@ -161,7 +211,7 @@ contains
             integer :: s
 
             call closer%make_steps(g, transpose(at(:, 1:)), transpose(way(:, :n - 1)), spread(branch(:, 1), 1, n), &
-                                   columns_of(stride%place(:, :, 1:)), margin, is_sure, rate=velocity, thread=turned)
+                                   columns_of(place(:, :, 1:)), margin, is_sure, rate=velocity, thread=turned)
             do s = 1, n
                 stride%rate_there(:, group%link, s) = reshape(velocity(s, :), [link_freedom(model), size(group%link)])
             end do
@@ -254,13 +304,19 @@ contains
         real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
         type(group_stride), intent(inout) :: found             !! (..., n or more); as it was left, its room is used again
         type(group_block) :: block
+        real(wp), allocatable :: room(:, :, :)
 
         if (allocated(found%place)) then
             if (size(found%place, 3) < size(at, 2)) found = group_stride()
         end if
-        if (.not. allocated(found%place)) call make_room(model, 1, size(at, 2), found)
+        if (.not. allocated(found%place)) then
+            call make_room(model, 1, size(at, 2), found)
+            allocate (found%place(place_size(model), model%n_link, size(at, 2)))
+        end if
         found%place(:, :, :size(at, 2)) = place
-        call close_samples(model, closer, at, way, branch, 1, block, found)
+        call move_alloc(found%place, room)
+        call close_samples(model, closer, at, way, branch, 1, block, room, found)
+        call move_alloc(room, found%place)
     end subroutine close_from
 
     !> Close the groups at some samples, each with branches of its own, from places near to them: nothing of a way.
@@ -284,9 +340,7 @@ contains
             call take_sample(model, place(:, :, s), s, block)
         end do
         call close_block(model, closer, block)
-        do s = 1, size(at, 2)
-            call tell_sample(model, size(at, 2), size(place, 1), block%place, s, place(:, :, s))
-        end do
+        call tell_samples(model, block, place)
         margin = transpose(block%margin)
         is_closed = block%is_closed
     end subroutine close_places
@@ -296,62 +350,121 @@ contains
         integer, intent(in) :: first, last                     !! samples
         type(group_stride), intent(inout) :: stride
 
-        allocate (stride%place(place_size(model), model%n_link, first:last), source=0.0_wp)
         allocate (stride%rate(link_freedom(model), model%n_link, first:last), source=0.0_wp)
-        allocate (stride%margin(size(model%group), first:last), stride%drift(size(model%group), first:last))
+        allocate (stride%margin(size(model%group), first:last), stride%drift(size(model%group), first:last), source=0.0_wp)
         allocate (stride%thread(sum(model%group%n_thread), first:last), stride%thread_rate(sum(model%group%n_thread), first:last))
-        allocate (stride%is_closed(first:last), stride%is_explained(first:last), source=.false.)
+        allocate (stride%is_closed(first:last), stride%is_explained(first:last), stride%is_short(first:last), source=.false.)
     end subroutine make_room
 
-    !> From the places predicted, which the stride has.
-    subroutine close_samples(model, closer, at, way, branch, first, block, stride)
+    !> From where the curve leads, if no step is but short.
+    subroutine close_shortly(model, closer, at, way, branch, first, part, weight, behind, block, place, stride)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of the samples, the ways to them (n_q, sample)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, 1)
+        integer, intent(in) :: first                           !! sample of the stride
+        real(wp), intent(in) :: part                           !! `short_part`
+        real(wp), intent(in), contiguous :: weight(:, :)       !! (sample or more, n_point)
+        type(left_behind), intent(inout) :: behind             !! steps are short; whether these are
+        type(group_block), intent(inout) :: block
+        real(wp), intent(inout), contiguous :: place(:, :, 0:) !! of the sample before; found at the others
+        type(group_stride), intent(inout) :: stride
+
+        call prepare_block(model, size(at, 2), block)
+        call lay_curve(model, weight, behind%through, block)
+        call stand_at(at, way, branch, block)
+        block%wants_rates = .false.
+        call close_block(model, closer, block)
+        block%wants_rates = .true.
+        behind%is_short = are_short(model, part, place(:, :, 0), stride%margin(:, first - 1), block)
+        behind%has_curve = all(block%is_closed)
+        if (.not. behind%is_short) return
+        call tell_block(model, first, block, place(:, :, 1:), stride)
+        stride%is_short(first:first + size(at, 2) - 1) = .true.
+    end subroutine close_shortly
+
+    !> From places predicted.
+    subroutine close_samples(model, closer, at, way, branch, first, block, place, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of the samples (n_q, sample)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
         integer, intent(in) :: first                           !! sample of the stride
         type(group_block), intent(inout) :: block              !! scratch
+        real(wp), intent(inout), contiguous :: place(:, :, :)  !! predicted, then found (place_size, n_link, sample)
         type(group_stride), intent(inout) :: stride
         integer :: s
 
         call prepare_block(model, size(at, 2), block)
         do s = 1, size(at, 2)
-            call take_sample(model, stride%place(:, :, first + s - 1), s, block)
+            call take_sample(model, place(:, :, s), s, block)
         end do
-        call close_led(model, closer, at, way, branch, first, block, stride)
+        call close_led(model, closer, at, way, branch, first, block, place, stride)
         call keep_rates(model, first, first + size(at, 2) - 1, block, stride)
     end subroutine close_samples
 
     !> From the places predicted, which the block has.
-    subroutine close_led(model, closer, at, way, branch, first, block, stride)
+    subroutine close_led(model, closer, at, way, branch, first, block, place, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of the samples (n_q, sample)
         real(wp), intent(in), contiguous :: branch(:, :)       !! of the closed forms (n_branch, sample, or 1 for all)
         integer, intent(in) :: first                           !! sample of the stride
         type(group_block), intent(inout) :: block
+        real(wp), intent(inout), contiguous :: place(:, :, :)  !! (place_size, n_link, sample)
         type(group_stride), intent(inout) :: stride
         integer :: s
 
-        do s = 1, size(at, 2)
-            block%at(s, :) = at(:, s)
-            block%way(s, :) = way(:, s)
-            block%branch(s, :) = branch(:, min(s, size(branch, 2)))
-        end do
-        block%is_closed = .true.
+        call stand_at(at, way, branch, block)
         call close_block(model, closer, block)
         if (any(block%is_closed)) call find_drift(model, closer, block)
+        call tell_block(model, first, block, place, stride)
         do s = 1, size(at, 2)
             associate (k => first + s - 1)
-                stride%is_closed(k) = block%is_closed(s)
-                call tell_sample(model, size(at, 2), size(stride%place, 1), block%place, s, stride%place(:, :, k))
-                stride%margin(:, k) = block%margin(s, :)
                 stride%drift(:, k) = block%drift(s, :)
                 stride%thread(:, k) = block%thread(s, :)
                 stride%thread_rate(:, k) = block%thread_rate(s, :)
             end associate
         end do
     end subroutine close_led
+
+    !> The block's samples, all to be closed.
+    pure subroutine stand_at(at, way, branch, block)
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! (n_q, sample)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! (n_branch, sample, or 1 for all)
+        type(group_block), intent(inout) :: block
+        integer :: k, s
+
+        do k = 1, size(at, 1)
+            do s = 1, size(at, 2)
+                block%at(s, k) = at(k, s)
+                block%way(s, k) = way(k, s)
+            end do
+        end do
+        do k = 1, size(branch, 1)
+            do s = 1, size(at, 2)
+                block%branch(s, k) = branch(k, min(s, size(branch, 2)))
+            end do
+        end do
+        block%is_closed = .true.
+    end subroutine stand_at
+
+    !> Where the block's links are, and margins there.
+    subroutine tell_block(model, first, block, place, stride)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first                           !! sample of the stride
+        type(group_block), intent(in) :: block
+        real(wp), intent(inout), contiguous :: place(:, :, :)  !! (place_size, n_link, sample)
+        type(group_stride), intent(inout) :: stride
+        integer :: s, n
+
+        n = size(block%is_closed)
+        stride%is_closed(first:first + n - 1) = block%is_closed
+        call tell_samples(model, block, place)
+        do s = 1, n
+            stride%margin(:, first + s - 1) = block%margin(s, :)
+        end do
+    end subroutine tell_block
 
     !> The block's last rates, for whoever asks.
     subroutine keep_rates(model, first, last, block, stride)

@@ -6,7 +6,7 @@ module linkdyn_stride
     use linkdyn_following, only: is_step_sound
     use linkdyn_group_block, only: part_of_margin
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, stride_groups, share_along
+    use linkdyn_group_stride, only: group_stride, left_behind, stride_groups, share_along
     use linkdyn_kinds, only: wp
     use linkdyn_link_place, only: motion_between, spun_place, turned_axis
     use linkdyn_margin_source, only: margin_source
@@ -24,25 +24,29 @@ module linkdyn_stride
         real(wp), allocatable :: drift(:, :)         !! its rate along the way (n_map, 0:n)
         logical, allocatable :: is_closed(:)         !! (0:n)
         type(group_stride) :: groups
+        type(left_behind) :: behind                  !! the groups
         integer :: n_believed = 0                    !! samples up to which all steps are believed
     end type stride_type
 
 contains
 
-    subroutine make_stride(model, from, q, branch, place, closer, margins, stride)
+    subroutine make_stride(model, from, q, branch, closer, margins, place, stride)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: from(:)              !! coordinates where it sets out (n_q)
         real(wp), intent(in) :: q(:, :)              !! of the samples (n_q, n)
         real(wp), intent(in) :: branch(:)            !! of the closed forms, all along (n_branch)
-        real(wp), intent(in) :: place(:, :)          !! of the groups' links at the beginning (place_size, n_link)
         class(group_closer), pointer, intent(in) :: closer      !! null: there are no groups
         class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: there are none
+        !> Of the groups' links: at the beginning, then at all samples (place_size, n_link, 0:n); empty: there are none
+        real(wp), intent(inout), contiguous :: place(:, :, 0:)
         type(stride_type), intent(inout) :: stride   !! as it was left, its room is used again
         real(wp) :: extent
         integer :: n, i
+        logical :: goes_on
 
         n = size(q, 2)
         extent = scene_size(model)
+        goes_on = ends_at(stride, from, place)
         if (allocated(stride%at)) then
             if (ubound(stride%at, 2) /= n) deallocate (stride%at, stride%way, stride%margin, stride%drift, stride%is_closed)
         end if
@@ -60,48 +64,71 @@ contains
             way(:, n) = way(:, n - 1)
         end associate
         if (size(model%group) > 0) then
-            call stride_groups(model, closer, stride%at, stride%way, reshape(branch, [size(branch), 1]), place, stride%groups)
+            call stride_groups(model, closer, stride%at, stride%way, reshape(branch, [size(branch), 1]), goes_on, &
+                               stride%behind, place, stride%groups)
             stride%is_closed = stride%groups%is_closed
             stride%margin(model%n_branch + 1:, :) = stride%groups%margin
             stride%drift(model%n_branch + 1:, :) = stride%groups%drift
-        else if (.not. allocated(stride%groups%place)) then
-            allocate (stride%groups%place(0, 0, 0))
         end if
-        if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, stride)
+        if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, place, stride)
         do i = 1, n
-            if (.not. is_sample_believed(model, extent, stride, i)) exit
+            if (model%n_branch == 0 .and. size(model%group) > 0) then
+                if (stride%groups%is_short(i)) cycle
+            end if
+            if (.not. is_sample_believed(model, extent, place, stride, i)) exit
         end do
         stride%n_believed = i - 1
     end subroutine make_stride
 
-    subroutine judge_closed_forms(n_branch, margins, branch, stride)
+    !> Has a stride of groups come to a place, all the way?
+    pure logical function ends_at(stride, at, place)
+        type(stride_type), intent(in) :: stride
+        real(wp), intent(in) :: at(:), place(:, :, :)    !! the latter the first
+
+        ends_at = allocated(stride%at) .and. allocated(stride%behind%place)
+        if (.not. ends_at) return
+        associate (n => ubound(stride%at, 2))
+            ends_at = stride%n_believed == n .and. all(stride%at(:, n) == at) .and. all(stride%behind%place == place(:, :, 1))
+        end associate
+    end function ends_at
+
+    subroutine judge_closed_forms(n_branch, margins, branch, place, stride)
         integer, intent(in) :: n_branch
         class(margin_source), intent(in) :: margins
         real(wp), intent(in) :: branch(:)
+        real(wp), intent(in), contiguous :: place(:, :, :)
         type(stride_type), intent(inout) :: stride
         real(wp), dimension(n_branch, size(stride%is_closed)) :: margin, drift
         logical :: is_closed(size(stride%is_closed))
 
-        call margins%find(stride%at, stride%way, branch, stride%groups%place, margin, drift, is_closed)
+        call margins%find(stride%at, stride%way, branch, place, margin, drift, is_closed)
         stride%is_closed = stride%is_closed .and. is_closed
         stride%margin(:n_branch, :) = margin
         stride%drift(:n_branch, :) = drift
     end subroutine judge_closed_forms
 
     !> The step to a sample from the one before.
-    pure logical function is_sample_believed(model, extent, stride, i) result(is_believed)
+    pure logical function is_sample_believed(model, extent, place, stride, i) result(is_believed)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: extent               !! the mechanism's size
+        real(wp), intent(in) :: place(:, :, 0:)
         type(stride_type), intent(in) :: stride
         integer, intent(in) :: i
         real(wp) :: back, rate(link_freedom(model), model%n_link)
+        integer :: n                                 ! maps to be asked: of groups none, where the step is short
 
         is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
         if (.not. is_believed) return
-        back = share_along(stride%way(:, i - 1), stride%way(:, i))
-        is_believed = all(is_step_believed(model%least_margin, stride%margin(:, i - 1), stride%drift(:, i - 1), &
-                                           stride%margin(:, i), back*stride%drift(:, i)))
-        if (.not. is_believed .or. size(model%group) == 0) return
+        n = size(model%least_margin)
+        if (size(model%group) > 0) then
+            if (stride%groups%is_short(i)) n = model%n_branch
+        end if
+        if (n > 0) then
+            back = share_along(stride%way(:, i - 1), stride%way(:, i))
+            is_believed = all(is_step_believed(model%least_margin(:n), stride%margin(:n, i - 1), stride%drift(:n, i - 1), &
+                                               stride%margin(:n, i), back*stride%drift(:n, i)))
+        end if
+        if (.not. is_believed .or. n == model%n_branch) return
         associate (groups => stride%groups)
             if (groups%is_explained(i)) return
             rate = back*groups%rate(:, :, i)
@@ -111,7 +138,7 @@ contains
                                                (groups%thread_rate(:, i - 1) + groups%thread_rate_there(:, i))/2))
                 if (.not. is_believed) return
             end if
-            is_believed = is_close(model, extent, groups%place(:, :, i - 1), groups%place(:, :, i), &
+            is_believed = is_close(model, extent, place(:, :, i - 1), place(:, :, i), &
                                    (groups%rate(:, :, i - 1) + rate)/2, min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
     end function is_sample_believed

@@ -1,9 +1,11 @@
-!> Where a correction of Newton's method takes a group's links, and how large it is: what whoever closes the group asks of each
-!> sample at each step. The rules are those of `linkdyn_newton_group` and `linkdyn_link_place`.
+!> Where a correction of Newton's method takes a group's links, how large it is, and how fast they move: what whoever closes the
+!> group asks of each sample at each step. The rules are those of `linkdyn_newton_group` and `linkdyn_link_place`.
 module linkdyn_corrected_links
     use linkdyn_attitude, only: rotation_by_quaternion
+    use linkdyn_bodies, only: omega_of, world_axes
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: model_type, group_type, link_freedom, place_size, scene_size
     use linkdyn_value, only: value, zero, one, constant, sqrt, sin, cos, max, abs, square, nearest_whole, &
         operator(+), operator(-), operator(*), operator(/)
@@ -11,7 +13,7 @@ module linkdyn_corrected_links
         operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: corrected_links, correct_links
+    public :: corrected_links, correct_links, fastest
 
     type :: corrected_links
         type(value), allocatable :: place(:, :)        !! of the group's links afterwards (place_size, link)
@@ -94,6 +96,54 @@ contains
         turned(4) = place(7) + (half(3)*place(4) + half(1)*place(6) - half(2)*place(5))
         place(4:) = (one()/sqrt(square(turned(1)) + square(turned(2)) + square(turned(3)) + square(turned(4))))*turned
     end subroutine move
+
+    !> The largest velocity or angular velocity of a group's links and of those that they are joined to, lengths by the mechanism's
+    !> size.
+    function fastest(mechanism, group, rate) result(speed)
+        type(mechanism_type), intent(in) :: mechanism
+        type(group_type), intent(in) :: group
+        type(value), intent(in) :: rate(:)             !! of the group's links (row)
+        type(value) :: speed
+        type(value) :: largest
+        integer :: i, n, n_shift, side
+
+        n = link_freedom(mechanism%model)
+        n_shift = merge(2, 3, mechanism%model%is_planar)
+        largest = zero()
+        do i = 1, size(group%link)
+            associate (of_link => rate(n*(i - 1) + 1:n*i))
+                call note(of_link(:n_shift), of_link(n_shift + 1:))
+            end associate
+        end do
+        do i = 1, size(group%joint)
+            do side = 1, 2
+                associate (l => mechanism%model%joint(group%joint(i))%link(side))
+                    if (l == 0 .or. any(group%link == l)) cycle
+                    call note(components(mechanism%bodies%body(l)%velocity), components(omega_of(mechanism%bodies, l, world_axes)))
+                end associate
+            end do
+        end do
+        speed = sqrt(largest)
+
+    contains
+
+        subroutine note(shift, turn)
+            type(value), intent(in) :: shift(:), turn(:)
+
+            largest = max(largest, max(constant(1/scene_size(mechanism%model)**2)*sum_of_squares(shift), sum_of_squares(turn)))
+        end subroutine note
+    end function fastest
+
+    function sum_of_squares(x) result(s)
+        type(value), intent(in) :: x(:)
+        type(value) :: s
+        integer :: k
+
+        s = zero()
+        do k = 1, size(x)
+            s = s + square(x(k))
+        end do
+    end function sum_of_squares
 
     subroutine widen(largest, x, unit)
         type(value), intent(inout) :: largest

@@ -301,7 +301,7 @@ contains
         if (recorded%needs_branches) &
             call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
         if (recorded%needs_places) then
-            call set_block(arrays, in_place, size(assembly%place, 1)*model%n_link, n, assembly%place)
+            call set_block(arrays, in_place, size(assembly%place, 1)*model%n_link, n, assembly%place(:, :, 1:))
             call run_recorded(recorded, threads, n, arrays, status_for_record(model, assembly), list, n_left, left)
         else if (recorded%needs_branches) then
             call run_recorded(recorded, threads, n, arrays, assembly%status, list, n_left, left)

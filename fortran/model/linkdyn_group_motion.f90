@@ -36,8 +36,8 @@ module linkdyn_group_motion
             real(wp), intent(out), contiguous, target, optional :: thread(:, :)
             !> Places of the group's links with the correction taken (sample, place_size times link)
             real(wp), intent(out), contiguous, target, optional :: corrected(:, :)
-            !> How large the correction is, the same without turns about threads, how far from the origin (sample, 3), as
-            !> `linkdyn_corrected_links` has them
+            !> How large the correction is, the same without turns about threads, how far from the origin, how fast the links
+            !> move (sample, 4), as `linkdyn_corrected_links` has them
             real(wp), intent(out), contiguous, target, optional :: extent(:, :)
             !> Steps of a way, each mended by the next: rounding may grow by more before they are not sure; absent: false
             logical, intent(in), optional :: only_leads

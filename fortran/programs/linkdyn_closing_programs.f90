@@ -5,7 +5,7 @@
 !> when the programs are made: a difference would be a defect, and the lanes are believed.
 module linkdyn_closing_programs
     use linkdyn_block, only: block_lanes
-    use linkdyn_corrected_links, only: corrected_links, correct_links
+    use linkdyn_corrected_links, only: corrected_links, correct_links, fastest
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
@@ -34,7 +34,7 @@ module linkdyn_closing_programs
     integer, parameter :: out_closing_alarm = 205  !! beyond one, rounding may have grown, or a nut is off its thread
     integer, parameter :: out_thread = 206         !! angles of threads by their slides, then their rates
     integer, parameter :: out_corrected = 207      !! places with the correction taken
-    integer, parameter :: out_extent = 208         !! how large that is, see `corrected_links`
+    integer, parameter :: out_extent = 208         !! how large that is, see `corrected_links`, and how fast the links move
 
     type :: closing_program
         type(scene_program) :: program
@@ -190,7 +190,8 @@ contains
             call list_group_step(model%group(g), traced, step, out)
             call correct_links(model, model%group(g), traced%place, step%correction, corrected)
             call add_output(out, out_corrected, [corrected%place])
-            call add_output(out, out_extent, [corrected%largest, corrected%bounded, corrected%distance])
+            call add_output(out, out_extent, [corrected%largest, corrected%bounded, corrected%distance, &
+                                            fastest(traced%mechanism, model%group(g), step%rate)])
             call add_output(out, out_rate, step%rate)
             if (model%group(g)%n_thread > 0) call add_output(out, out_thread, [threads%angle, threads%rate])
             call make_scene_program(record, traced%in, out, closing%program)

@@ -7,7 +7,8 @@ module test_newton_groups
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_representatives, only: representative_poses, need_poses
-    use linkdyn_group_block, only: group_block, prepare_block, explain_shifts, part_of_margin
+    use linkdyn_group_block, only: group_block, prepare_block, take_sample, close_block, find_drift, lead_links, explain_shifts, &
+        part_of_margin
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -15,7 +16,7 @@ module test_newton_groups
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, group_type, scene_size, step_group
+    use linkdyn_model, only: model_type, group_type, is_length, scene_size, step_group
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_quaternion, only: turned_by
@@ -25,7 +26,8 @@ module test_newton_groups
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_stride, only: stride_type, make_stride, is_close
+    use linkdyn_short_steps, only: short_part, are_short
+    use linkdyn_stride, only: stride_type, make_stride, is_close, is_step_believed
     use linkdyn_test_numbers, only: random_stream, random_walk, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -52,7 +54,8 @@ contains
             new_test("motions that are surely explained", test_explained), &
             new_test("recorded steps", test_recorded_steps), &
             new_test("recorded steps of screws", test_screws), &
-            new_test("strides by recorded steps", test_strides)]
+            new_test("strides by recorded steps", test_strides), &
+            new_test("short steps", test_short_steps)]
     end subroutine collect_newton_groups
 
     subroutine test_stewart(error)
@@ -286,8 +289,11 @@ contains
         end associate
         nullify (margins)
         closer => closing
+        deallocate (place)
+        allocate (place(7, model%n_link, 0:n), source=0.0_wp)
+        place(:, :, 0) = start_of(model)
         call make_stride(model, model%start_q, reshape([(model%start_q + 0.5_wp*s, s=1, n)], [1, n]), model%branch, &
-                         start_of(model), closer, margins, stride)
+                         closer, margins, place, stride)
         call check(error, stride%n_believed == n, "a stride of twenty turns needs no lanes")
         call check_close(error, stride%groups%thread(1, n), model%start_q(1) + 0.5_wp*n, 1.0e-9_wp, "all of them")
         call closing%free()
@@ -412,7 +418,7 @@ contains
             if (.not. closing%is_usable) return
             associate (group => model%group(1))
                 allocate (correction(1, size(group%unit)), rate(1, size(group%unit)))
-                allocate (corrected(1, 7*size(group%link)), extent(1, 3))
+                allocate (corrected(1, 7*size(group%link)), extent(1, 4))
                 place = found%place(:, :, :1)
                 shift = 1.0e-6_wp*stream%vector(3)
                 place(:3, group%link(2), 1) = place(:3, group%link(2), 1) + shift
@@ -420,7 +426,10 @@ contains
                                         reshape(model%branch, [1, model%n_branch]), reshape(place, [1, 7, model%n_link]), margin, &
                                         is_sure, correction, rate, corrected=corrected, extent=extent)
                 call check(error, is_sure(1), trim(name(i))//": no alarm")
-                call check_corrected(trim(name(i)), model, group, place(:, :, 1), correction(1, :), corrected(1, :), extent(1, :))
+                call check_corrected(trim(name(i)), model, group, place(:, :, 1), correction(1, :), corrected(1, :), extent(1, :3))
+                call check_close(error, extent(1, 4), max(fastest_of(reshape(rate(1, :), [6, size(group%link)])), &
+                                                          fastest_led(model, group, way)), 1.0e-12_wp*extent(1, 4), &
+                                 trim(name(i))//": how fast its links move, and those that they are joined to")
                 do k = 1, size(group%link)
                     l = group%link(k)
                     first = 6*(k - 1)
@@ -435,6 +444,26 @@ contains
         end do
 
     contains
+
+        pure real(wp) function fastest_of(rate)
+            real(wp), intent(in) :: rate(:, :)         !! (6, link)
+
+            fastest_of = max(maxval(norm2(rate(:3, :), 1))/scene_size(model), maxval(norm2(rate(4:, :), 1)))
+        end function fastest_of
+
+        !> Of links on the frame that coordinates lead; their hinges are their origins.
+        pure real(wp) function fastest_led(model, group, way) result(fastest)
+            type(model_type), intent(in) :: model
+            type(group_type), intent(in) :: group
+            real(wp), intent(in) :: way(:)
+            integer :: k
+
+            fastest = 0
+            do k = 1, model%n_q
+                if (any(group%link == model%joint(model%scene%coordinate(k)%joint)%link(2))) cycle
+                fastest = max(fastest, abs(way(k))/merge(scene_size(model), 1.0_wp, is_length(model, k)))
+            end do
+        end function fastest_led
 
         !> Where the record says that a correction leads, and how large it is: against the places' own arithmetic.
         subroutine check_corrected(what, model, group, place, correction, corrected, extent)
@@ -472,8 +501,8 @@ contains
     !> Motions followed by strides of recorded steps and by lanes: the same assemblies, and the same words where one is lost.
     subroutine test_strides(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(6) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
-                                                  "excavator", "boom_by_stroke", "screw_loop"]
+        character(len=*), parameter :: name(7) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
+                                                  "excavator", "boom_by_stroke", "screw_loop", "hexaglide"]
         integer, parameter :: n = 240, first = 20      ! not whole numbers of strides
         type(scene_type) :: scene
         type(status_type) :: status
@@ -482,8 +511,9 @@ contains
         type(sample_assembly) :: by_lanes, by_strides
         type(recorded_forces), target :: recorded
         type(closing_programs), target :: closing
-        integer :: i, s, n_reached, n_lost, n_crossed
+        integer :: i, s, n_reached, n_lost, n_crossed, n_short
 
+        n_short = 0
         n_reached = 0
         n_crossed = 0
         n_lost = 0
@@ -501,6 +531,7 @@ contains
             if (closing%is_usable) then
                 call follow_both(random_walk(model%start_q, n, 0.0005_wp))
                 call follow_both(random_walk(model%start_q, n, 0.03_wp))
+                call follow_both(to_and_fro(model%start_q, 10*n))
                 ! More than a turn of a crank leads through change points.
                 if (model%n_q == 1) call follow_both(reshape([(model%start_q + 0.03_wp*s, s=0, n - 1)], [1, n]))
                 if (name(i) == "screw_loop") call follow_both(reshape([(model%start_q + 0.5_wp*s, s=0, n - 1)], [1, n]))
@@ -511,6 +542,7 @@ contains
         call check(error, n_reached > 5*n, "most of the walks are followed")
         call check(error, n_crossed > 0, "some through change points")
         call check(error, n_lost > n/2, "and some lead beyond where the mechanism closes")
+        call check(error, n_short > 5*n, "many steps are so short that nobody asks for rates")
 
     contains
 
@@ -531,6 +563,7 @@ contains
             ! A trail goes on with the next samples.
             call follow_assembly(model, q(:, first + 1:), trail(2), by_strides, margins, closer)
             call same(first + 1, size(q, 2))
+            if (allocated(trail(2)%stride%groups%is_short)) n_short = n_short + count(trail(2)%stride%groups%is_short)
             ! Each sample on its own.
             call settle_samples(model, 1, q, by_lanes)
             call settle_samples(model, 2, q, by_strides, closer)
@@ -564,6 +597,112 @@ contains
             end do
         end subroutine same
     end subroutine test_strides
+
+    !> A step that is short by its speed and by how far it leads is one that margins, their rates, and rates of places believe, too,
+    !> as near to singular positions as may be. Much longer ones are not always.
+    subroutine test_short_steps(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(6) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
+                                                  "excavator", "rssr", "hexaglide"]
+        integer, parameter :: n = 400
+        real(wp), parameter :: too_long = 32           !! of the length allowed
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(representative_poses) :: poses
+        type(closing_programs) :: closing
+        type(assembly_trail) :: trail
+        type(sample_assembly) :: found
+        type(random_stream) :: stream
+        real(wp), allocatable :: q(:, :)
+        integer :: i, s, n_short(2), n_believed(2)     ! of the lengths allowed and of those that are not
+
+        n_short = 0
+        n_believed = 0
+        do i = 1, size(name)
+            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            poses = representative_poses()
+            call need_poses(model, spread(model%start_q, 2, 1), poses)
+            associate (m => size(poses%q, 2), there => poses%assembly)
+                call make_closing_programs(model, poses%q, there%place(:, :, :m), there%margin(:, :m), closing)
+            end associate
+            call check(error, closing%is_usable .and. short_part(model) > 0, trim(name(i))//": steps may be short")
+            if (.not. closing%is_usable) return
+            trail = assembly_trail()
+            q = to_and_fro(model%start_q, n)
+            call follow_assembly(model, q, trail, found)
+            do s = 1, n
+                if (found%status(s) /= sample_ok) cycle
+                call try_step(1.0_wp, n_short(1), n_believed(1))
+                call try_step(too_long, n_short(2), n_believed(2))
+            end do
+            call closing%free()
+        end do
+        call check(error, n_short(1) > n, "there are short steps")
+        call check(error, n_believed(1) == n_short(1), "all of them are believed")
+        call check(error, n_believed(2) < n_short(2), "longer ones are not")
+
+    contains
+
+        subroutine try_step(times, n_short, n_believed)
+            real(wp), intent(in) :: times              !! the length of short steps
+            integer, intent(inout) :: n_short, n_believed
+            type(group_block) :: here, there
+            real(wp) :: way(model%n_q), part
+            logical :: is_believed
+
+            part = times*short_part(model)
+            way = stream%vector(model%n_q)
+            call prepare_block(model, 1, here)
+            call take_sample(model, found%place(:, :, s), 1, here)
+            call stand(here, q(:, s), way)
+            if (.not. (here%is_closed(1) .and. all(here%speed > 0))) return
+            way = 0.8_wp*way*minval(part*abs(here%margin)/here%speed)
+            call stand(here, q(:, s), way)
+            there = here
+            there%from = here%place
+            there%shift = here%rate
+            call lead_links(model, there)
+            call stand(there, q(:, s) + way, way)
+            if (.not. there%is_closed(1)) return
+            if (.not. are_short(model, part, here%place(1, :, :), here%margin(1, :), there)) return
+            n_short = n_short + 1
+            is_believed = all(is_step_believed(model%least_margin(model%n_branch + 1:), here%margin(1, :), here%drift(1, :), &
+                                               there%margin(1, :), there%drift(1, :)))
+            if (is_believed) is_believed = is_close(model, scene_size(model), here%place(1, :, :), there%place(1, :, :), &
+                                                    (here%rate(1, :, :) + there%rate(1, :, :))/2, &
+                                                    min(abs(here%margin(1, :)), abs(there%margin(1, :))))
+            if (is_believed) n_believed = n_believed + 1
+        end subroutine try_step
+
+        subroutine stand(block, q, way)
+            type(group_block), intent(inout) :: block
+            real(wp), intent(in) :: q(:), way(:)
+
+            block%at(1, :) = q
+            block%way(1, :) = way
+            block%branch(1, :) = model%branch
+            block%is_closed = .true.
+            call close_block(model, closing, block)
+            if (block%is_closed(1)) call find_drift(model, closing, block)
+        end subroutine stand
+    end subroutine test_short_steps
+
+    !> Smoothly, to beyond where many a mechanism closes.
+    pure function to_and_fro(start, n) result(q)
+        real(wp), intent(in) :: start(:)
+        integer, intent(in) :: n
+        real(wp) :: q(size(start), n)
+        real(wp), parameter :: farthest = 1.5_wp
+        integer :: k, s
+
+        do s = 1, n
+            q(:, s) = start + [(sin(k + 4.0_wp)*farthest*(1 - cos(8*atan(1.0_wp)*(s - 1)/n))/2, k=1, size(start))]
+        end do
+    end function to_and_fro
 
     !> The scene with its links' starting positions where a state has them.
     subroutine start_there(model, state, scene, started)
