@@ -356,7 +356,7 @@ contains
         allocate (stride%is_closed(first:last), stride%is_explained(first:last), stride%is_short(first:last), source=.false.)
     end subroutine make_room
 
-    !> From where the curve leads, if no step is but short.
+    !> From where the curve leads, if all steps are short.
     subroutine close_shortly(model, closer, at, way, branch, first, part, weight, behind, block, place, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
