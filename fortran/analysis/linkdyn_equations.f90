@@ -348,11 +348,11 @@ contains
         where (workspace%state%branch_lost) workspace%status = sample_branch_lost
         if (.not. workspace%checks_input) return
         ! Also what no force depends on, such as the rates of massless links.
-        call flag_not_finite(workspace%state%q, workspace%status)
-        call flag_not_finite(workspace%state%qd, workspace%status)
-        call flag_not_finite(workspace%state%qdd, workspace%status)
+        call flag_not_finite(workspace%state%q, sample_unreachable, workspace%status)
+        call flag_not_finite(workspace%state%qd, sample_unreachable, workspace%status)
+        call flag_not_finite(workspace%state%qdd, sample_unreachable, workspace%status)
         do k = 1, model%n_load
-            call flag_not_finite(workspace%load(:, :, k), workspace%status)
+            call flag_not_finite(workspace%load(:, :, k), sample_unreachable, workspace%status)
         end do
     end subroutine judge_motion
 
@@ -414,8 +414,8 @@ contains
         call solve_forces(model, equations, workspace)
         if (size(equations%rub) > 0) call settle_friction(model, equations, workspace)
         if (equations%solver /= solver_reduced) return
-        call flag_not_finite(workspace%driving_force, workspace%status)
-        call flag_not_finite(workspace%acceleration, workspace%status)
+        call flag_not_finite(workspace%driving_force, sample_undefined, workspace%status)
+        call flag_not_finite(workspace%acceleration, sample_undefined, workspace%status)
     end subroutine solve_with_friction
 
     !> Unknowns with the friction that is there, and what follows of them.
@@ -728,11 +728,15 @@ contains
                                 .and. workspace%status == sample_ok .and. .not. (workspace%state%unreachable &
                                 .or. workspace%state%not_converged .or. workspace%state%branch_lost)
         where (is_uncertain .or. workspace%is_doubtful) workspace%status = sample_singular
+        ! nothing is known of what has squares of speeds in it, were it as far from a singular position as may be
+        where (workspace%status == sample_singular .and. .not. sum(workspace%state%qd**2, dim=2) <= huge(1.0_wp) &
+               .and. all(abs(workspace%state%qd) <= huge(1.0_wp), dim=2)) workspace%status = sample_undefined
     end subroutine flag_uncertain
 
-    !> A motion or load that is not finite has no forces.
-    pure subroutine flag_not_finite(value, status)
+    !> A motion or load that is not finite has no forces, and a force that is not is none.
+    pure subroutine flag_not_finite(value, outcome, status)
         real(wp), intent(in) :: value(:, :)          !! (lane, any)
+        integer, intent(in) :: outcome               !! what such samples are, one of `sample_*`
         integer, intent(inout) :: status(lanes)
         real(wp) :: total(lanes)
         integer :: k
@@ -741,7 +745,7 @@ contains
         do k = 1, size(value, 2)
             total = total + abs(value(:, k))
         end do
-        where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = sample_unreachable
+        where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = outcome
     end subroutine flag_not_finite
 
     ! ---------------------------------------------------------------- solvers
@@ -817,7 +821,7 @@ contains
                     if (form%right(k) > 0) workspace%lane_right(k) = found(lane, form%right(k))
                 end do
                 if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
-                    workspace%status(lane) = sample_unreachable
+                    workspace%status(lane) = sample_undefined
                     cycle
                 end if
                 call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &

@@ -65,8 +65,23 @@ contains
         end if
         text = place_text(place, at)
         if (place%what /= "") text = text//": "//trim(place%what)
-        call fail(status, status_bad_input, text//": "//problem)
+        call fail(status, status_bad_input, text//": "//expected_once(problem))
     end subroutine refuse
+
+    !> A problem with what was expected nearest to the fault. Arithmetic says that of the part of a text that is wrong, and the key
+    !> of all of it.
+    pure function expected_once(problem) result(text)
+        character(len=*), intent(in) :: problem
+        character(len=:), allocatable :: text
+        character(len=*), parameter :: opening = " (expected "
+        integer :: first, second
+
+        text = problem
+        first = index(problem, opening)
+        if (first == 0) return
+        second = index(problem(first + len(opening):), opening)
+        if (second > 0) text = problem(:first + len(opening) + second - 2)
+    end function expected_once
 
     !> "FILE:LINE", or the file alone.
     function place_text(place, line) result(text)

@@ -133,6 +133,16 @@ def test_power_alone_beyond_all_numbers():
     assert run.status.values[0] == 0 and run.status.values[1] == 4
 
 
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
+@pytest.mark.parametrize("name", ["fourbar", "stewart_tsai"])
+def test_squares_of_speeds_beyond_all_numbers(name, solver):
+    """Far from any singular position, and every link closes: it is their accelerations that have no value."""
+    scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
+    q = scene.motion()[0][[0, 0]]
+    run = scene.inverse(q=q, qd=np.outer([1.0, 1e200], np.ones(q.shape[1])), want="driving_force", solver=solver)
+    assert list(run.status.values) == [0, 4]
+
+
 def test_poses_beyond_all_numbers(tsai):
     scene = linkdyn.Scene(tsai)
     start = scene.motion()[0][0]

@@ -235,6 +235,7 @@ def test_bad_variables_are_refused_in_one_line(variables, fragment, tmp_path):
         (("variables",), [1], "this is a list (expected a table of names"),
         (("variables",), {}, "'-g' has the unknown name 'g'"),
         (("link", 0, "mass"), "2*mas", "unknown name 'mas'"),
+        (("link", 0, "mass"), "max(1 kg, 2)", "has max of a mass and a plain number (expected two of a kind)"),
     ],
 )
 def test_bad_use_is_refused_with_key_and_line(keys, value, fragment):
@@ -247,6 +248,7 @@ def test_bad_use_is_refused_with_key_and_line(keys, value, fragment):
         linkdyn.Scene(scene)
     assert fragment in str(caught.value)
     assert str(caught.value).startswith("scene['")
+    assert str(caught.value).count("(expected ") <= 1
 
 
 def test_arithmetic_needs_no_variables():
