@@ -488,3 +488,18 @@ def test_what_is_not_found_is_refused() -> None:
     next(joint for joint in flat["joint"] if joint["type"] == "gear")["helix_angle"] = 0.2
     with pytest.raises(linkdyn.SceneError, match="pushes wheels along their axes"):
         linkdyn.Scene(flat, folder=ROOT / "examples/planetary_crank")
+
+
+@pytest.mark.parametrize("rubs", [False, True])
+def test_causes_of_leaning_teeth(rubs: bool) -> None:
+    """|F| is no sum: what causes leave open of the reactions is not put down to friction. The driving forces are."""
+    given = pair((20, 60), 0.2, pressure_angle=ALPHA)
+    given["load"] = [{"on": "two.O", "moment": [0, 0, moment]} for moment in (100.0, -40.0)]
+    if rubs:
+        given["friction"] = [{"joint": "B", "coulomb": 0.1, "radius": 0.01}]
+    run = linkdyn.Scene(given).inverse(q=[[0.3]], qd=[[2.0]])
+    with pytest.raises(linkdyn.InputError, match="teeth of 'mesh' lean"):
+        run.linkdyn.contributions()
+    if not rubs:
+        parts = run.drop_vars("reaction").linkdyn.contributions(scene=linkdyn.Scene(given))
+        np.testing.assert_allclose(parts.driving_force.sum("cause").values, run.driving_force.values, atol=1e-9 * float(abs(run.driving_force).max()))

@@ -22,6 +22,9 @@ CLOSE = 1e-6
 """How near a sum must come to the total, as a part of the largest contribution: far above the rounding of poses that are reached by different
 roads, far below anything that is left out."""
 
+LEANING = ("pressure_angle", "helix_angle", "lead_angle")
+"""Keys of gears and racks whose teeth push across their tangential force by its size."""
+
 
 def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     """Driving forces and reactions by cause; the causes of a sample add up to its forces.
@@ -77,10 +80,12 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     for marker, wrench in given.items():
         found[f"given {marker}"] = _less(_forces(Scene(_only(content), folder=scene.folder), run, wanted, {marker: wrench}), base)
     if content.get("friction"):
-        total = _forces(scene, run, wanted, given)
-        found["friction"] = {name: total[name] - np.sum([values[name] for values in found.values()], axis=0) for name in wanted}
+        # what the others do together: friction is what it adds to that, not what they leave open
+        smooth = _forces(Scene({key: value for key, value in content.items() if key != "friction"}, folder=scene.folder), run, wanted, given)
+        _check(run, content, found, smooth)
+        found["friction"] = _less(_forces(scene, run, wanted, given), smooth)
+    _check(run, content, found, {name: run[name].values for name in wanted})
     stacked = {name: np.stack([values[name] for values in found.values()]) for name in wanted}
-    _check(run, stacked)
     return xr.Dataset(
         {name: (("cause", *run[name].dims), stacked[name], run[name].attrs) for name in wanted},
         {"cause": list(found), **{name: run.coords[name] for name in run.coords if set(run.coords[name].dims) <= {d for q in wanted for d in run[q].dims}}},
@@ -140,14 +145,28 @@ def _less(values: dict[str, NDArray[np.float64]], base: dict[str, NDArray[np.flo
     return {name: values[name] - base[name] for name in values}
 
 
-def _check(run: xr.Dataset, stacked: dict[str, NDArray[np.float64]]) -> None:
-    """The causes must add up, at every sample that did not fail."""
+def _check(
+    run: xr.Dataset, content: dict[str, Any], found: dict[str, dict[str, NDArray[np.float64]]], together: dict[str, NDArray[np.float64]]
+) -> None:
+    """The causes must add up to what they do together, at every sample that did not fail; the others have none."""
     good = good_samples(run)
-    for name, values in stacked.items():
-        values[:, ~good] = np.nan
-        missing = np.abs(values.sum(axis=0) - run[name].values)[good]
-        if missing.size and not np.nanmax(missing, initial=0.0) <= CLOSE * np.nanmax(np.abs(values[:, good]), initial=0.0) or np.isnan(missing).any():
-            raise InputError(
-                f"contributions: {name}: weight, inertia, loads and springs are not all that acts in this run (expected "
-                "samples in the assembly of its start or along its motion)"
-            )
+    for name, total in together.items():
+        for values in found.values():
+            values[name][~good] = np.nan
+        parts = np.stack([values[name][good] for values in found.values()])
+        missing = np.abs(parts.sum(axis=0) - total[good])
+        if missing.size and not np.nanmax(missing, initial=0.0) <= CLOSE * np.nanmax(np.abs(parts), initial=0.0) or np.isnan(missing).any():
+            raise InputError(f"contributions: {name}: {_why(content)}")
+
+
+def _why(content: dict[str, Any]) -> str:
+    """Why causes do not add up."""
+    leaning = next((str(joint["name"]) for joint in content.get("joint", []) if any(key in joint for key in LEANING)), None)
+    if leaning:
+        return (
+            f"the teeth of '{leaning}' lean and push wheels apart whichever way they are loaded, so causes do not add up "
+            "(expected teeth that do not lean, or driving forces alone)"
+        )
+    return (
+        "weight, inertia, loads and springs are not all that acts in this run (expected samples in the assembly of its start or along its motion)"
+    )
