@@ -312,7 +312,7 @@ contains
             if (pattern%is_image(place%copy)) leg%elbow = -leg%elbow
             if (pattern%is_image(place%copy) .and. is_crank_kind(kind)) leg%start = -leg%start
         end if
-        if (is_telescope(kind) .and. kind%name /= "UPS" .and. .not. leg%has_start) then
+        if (is_telescope(kind) .and. .not. leg%has_start) then
             leg%start = about_length(scene, leg)
             leg%has_start = .true.
         end if

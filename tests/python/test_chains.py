@@ -349,3 +349,24 @@ def test_planar_kinds_and_width() -> None:
     arms["chain"][0]["width"] = 0.0
     with pytest.raises(linkdyn.SceneError, match="'width' = 0 m"):
         linkdyn.Scene(arms)
+
+
+def test_a_leg_led_by_its_joint_is_drawn_out() -> None:
+    """A hexapod led by a point of its platform, strokes and angles of its universal joints: at the angle that leg 4 is given it would reach its
+    ball pushed through itself, too, with smaller angles."""
+    led = tomllib.loads((Path(__file__).parents[2] / "examples" / "stewart_mathworks" / "scene.toml").read_text())
+    drawn = linkdyn.Scene(led).inverse(t=[0.0])
+    at = {str(name): float(value) for name, value in zip(drawn.variable.values, drawn.joint_variable.values[0])}
+    joints = ["leg6.P.slide", "leg1.P.slide", "leg4.U.angle1", "leg2.U.angle2", "leg2.P.slide"]
+    home = linkdyn.Scene(led).poses(drawn.q.values)
+    platform = home.position[0, 0], home.rotation[0, 0]
+    led["link"][0]["start"] = {"position": list(platform[0]), "rotation": platform[1].tolist()}
+    led["coordinate"] = [
+        {"marker": "platform.P5", "components": ["y"], "start": {"y": float((platform[0] + platform[1] @ led["link"][0]["markers"]["P5"])[1])}},
+        *({"joint": name.rpartition(".")[0], "variable": name.rpartition(".")[2], "start": at[name]} for name in joints),
+    ]
+    led["time"] = {"samples": 1}
+    run = linkdyn.Scene(led).inverse()
+    slides = [name.endswith(".slide") for name in map(str, run.variable.values)]
+    np.testing.assert_allclose(run.joint_variable.values[0, slides], drawn.joint_variable.values[0, slides], rtol=1e-12)
+    np.testing.assert_allclose(run.driving_force.values, drawn.driving_force.values, rtol=1e-10)
