@@ -89,6 +89,7 @@ contains
             return
         end if
         run%good_until = options%t_start
+        call run%system%note_energy()
         call start_integrator(run, model, run%options, status)
     end subroutine start_forward
 

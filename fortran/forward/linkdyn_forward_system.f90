@@ -145,7 +145,7 @@ module linkdyn_forward_system
         procedure :: next_control
         procedure :: control_now
         procedure :: begin
-        procedure :: take_over
+        procedure :: take_over, note_energy
         procedure :: count_joint_turns
         procedure :: leave_standing_here
         procedure :: joint_angles
@@ -470,6 +470,7 @@ contains
         system%is_angle = angles_of_state(model, system%layout)
         system%family = families_of_state(system%layout)
         allocate (system%turns(lanes, system%n), source=0.0_wp)
+        allocate (system%beside(system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
@@ -529,6 +530,15 @@ contains
     end subroutine begin
 
     !> Go on at t where another system of the same mechanism stands: the model's start is that place.
+    !> Of the state evaluated last on the lanes: by its kinetic energy the work of drives is judged, which counts from zero.
+    subroutine note_energy(self)
+        class(forward_system), intent(inout) :: self
+        real(wp), dimension(lanes) :: energy, kinetic
+
+        call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
+        self%beside(self%layout%work) = kinetic(1)
+    end subroutine note_energy
+
     subroutine take_over(self, other, t, y)
         class(forward_system), intent(inout) :: self
         type(forward_system), intent(in) :: other
@@ -541,6 +551,7 @@ contains
         self%of_joints = other%of_joints
         if (wraps_anywhere(self%of_joints)) call need_look(self)
         self%own => other%own
+        self%beside(self%layout%work) = other%beside(other%layout%work)
         self%control%state = other%control%state
         self%motors%switched = other%motors%switched
         self%motors%is_on = other%motors%is_on

@@ -20,6 +20,8 @@ module linkdyn_lane_system
                                                           !! (lane, n)
         integer, allocatable :: family(:)                 !! of each component, one of `family_*`: which have ways of about one
                                                           !! size; not allocated: each is alone (n)
+        real(wp), allocatable :: beside(:)                !! sizes of what components change, where these tell by how much they
+                                                          !! may be off; not allocated: their own ways do (n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)

@@ -7,6 +7,9 @@
 !> What moves less than a hundredth of what moves most beside it is resolved as though it moved that much, and nothing more
 !> finely than numbers about 1 are rounded, unless the tolerance itself asks for it: what ought to stand still has only rounding
 !> to go by.
+!>
+!> What is added up of large numbers that cancel has its size from beside it: the work of drives, which is zero as long as a heavy
+!> machine only turns, is one of its kinetic energy.
 module linkdyn_way_gone
     use linkdyn_kinds, only: wp
     implicit none (type, external)
@@ -22,22 +25,26 @@ module linkdyn_way_gone
         real(wp), allocatable :: origin(:)       !! where the solution began (n)
         real(wp), allocatable :: furthest(:)     !! from there, so far (n)
         integer, allocatable :: family(:)        !! one of `family_*` (n)
+        real(wp), allocatable :: beside(:)       !! size of what it stands beside; 0: nothing (n)
     contains
         procedure :: start, note, absolute_error
     end type way_gone_type
 
 contains
 
-    subroutine start(self, y, family)
+    subroutine start(self, y, family, beside)
         class(way_gone_type), intent(inout) :: self
         real(wp), intent(in) :: y(:)             !! (n)
         integer, intent(in), optional :: family(:)     !! absent: all alone (n)
+        real(wp), intent(in), optional :: beside(:)    !! absent: nothing (n)
         integer :: i
 
         self%origin = y
         self%furthest = [(0.0_wp, i=1, size(y))]
         self%family = [(family_alone, i=1, size(y))]
         if (present(family)) self%family = family
+        self%beside = [(0.0_wp, i=1, size(y))]
+        if (present(beside)) self%beside = beside
     end subroutine start
 
     !> The solution has come to y.
@@ -53,14 +60,15 @@ contains
         class(way_gone_type), intent(in) :: self
         real(wp), intent(in) :: y(:)             !! (n)
         real(wp), intent(in) :: atol             !! the tolerance
-        real(wp) :: error(size(y))
+        real(wp) :: error(size(y)), unit(size(y))
         real(wp), parameter :: enough = 0.01_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
         integer :: f
 
-        error = atol*max(self%furthest, abs(y - self%origin))/enough
+        unit = max(1.0_wp, self%beside)
+        error = atol*max(self%furthest, abs(y - self%origin), self%beside)/enough
         do f = family_place, family_rate
             where (self%family == f) error = max(error, beside_others*min(atol, maxval(error, self%family == f)))
         end do
-        error = min(atol, max(error, least))
+        error = min(atol*unit, max(error, least*unit))
     end function absolute_error
 end module linkdyn_way_gone

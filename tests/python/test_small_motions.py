@@ -57,3 +57,29 @@ def test_what_stands_still_costs_no_steps() -> None:
     at_rest = linkdyn.Scene(OSCILLATOR.format(start=0.0)).forward()
     assert abs(at_rest.q.values).max() < 1e-15
     assert at_rest.attrs["steps"] < 100
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "msbdf"])
+def test_work_that_cancels_costs_no_steps(method: str) -> None:
+    """A crank turns on its coupler and rocker without a drive's work: what rounding makes of that, however heavy the machine, is small
+    beside its kinetic energy, and no reason for short steps."""
+    steps = []
+    for mass in (1.0, 1e4, 1e8):
+        links = [
+            {"name": "crank", "markers": {"A": [0, 0], "B": [0.1, 0]}}, {"name": "coupler", "markers": {"B": [0, 0], "C": [0.3, 0]}},
+            {"name": "rocker", "markers": {"D": [0, 0], "C": [0.3, 0]}},
+        ]
+        run = linkdyn.Scene({
+            "space": "planar", "frame": {"markers": {"A": [0, 0], "D": [0.52, 0]}}, "link": [link | {"mass": mass} for link in links],
+            "joint": [
+                {"name": a + b, "type": "revolute", "between": [f"{a}.{c}", f"{b}.{c}"]}
+                for a, b, c in (("frame", "crank", "A"), ("crank", "coupler", "B"), ("coupler", "rocker", "C"), ("frame", "rocker", "D"))
+            ],
+            "coordinate": [{"joint": "framecrank", "motion": {"law": "constant-rate", "rate": "60 rpm"}}], "actuator": [{"joint": "framecrank"}],
+        }).forward(t=np.linspace(0.0, 0.2, 6), method=method)
+        assert run.attrs["stopped"] == "" and run.attrs["rounding"] == ""
+        np.testing.assert_allclose(run.q.values[-1], 0.4 * np.pi, rtol=1e-9)
+        gained = run.kinetic_energy - run.kinetic_energy[0] - run.work
+        assert float(abs(gained).max()) < 1e-8 * float(run.kinetic_energy.max())
+        steps.append(run.attrs["steps"])
+    assert max(steps) <= 2 * min(steps)
