@@ -126,21 +126,25 @@ contains
         real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         real(wp), intent(in), contiguous :: found(:, :)        !! as `rate_outputs` tells (lane, number)
         real(wp), intent(inout), contiguous :: rate(:, :)      !! (lane, n)
-        integer :: i, lane, from, to
 
-        do i = 1, size(wires%of_places)
-            from = wires%of_places(i)%from
-            to = wires%of_places(i)%to
-            do lane = 1, n
-                rate(lane, to) = y(lane, from)
-            end do
-        end do
-        do i = 1, size(wires%found)
-            from = wires%found(i)%from
-            to = wires%found(i)%to
-            do lane = 1, n
-                rate(lane, to) = found(lane, from)
-            end do
-        end do
+        call copy(wires%of_places, n, y, rate)
+        call copy(wires%found, n, found, rate)
     end subroutine rates_of_states
+
+    !> Columns of the first n lanes along wires.
+    pure subroutine copy(wires, n, x, to)
+        type(wire), intent(in) :: wires(:)
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: x(:, :)    !! (lane, number)
+        real(wp), intent(inout), contiguous :: to(:, :)        !! (lane, number)
+        integer :: i, lane, from, into
+
+        do i = 1, size(wires)
+            from = wires(i)%from
+            into = wires(i)%to
+            do lane = 1, n
+                to(lane, into) = x(lane, from)
+            end do
+        end do
+    end subroutine copy
 end module linkdyn_state_wires

@@ -252,8 +252,6 @@ contains
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 240
         real(wp), parameter :: off(4) = [0.5_wp, 1.5_wp, 8*atan(1.0_wp) + 0.5_wp, -2.5_wp]    ! a nut, by so much [rad]
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(sample_assembly) :: found
         type(closing_programs), target :: closing
@@ -265,10 +263,8 @@ contains
         logical :: is_sure(1)
         integer :: i, s, spindle
 
-        call read_scene("tests/scenes/screw_loop.toml", scene, status)
-        if (status%is_ok()) call build_model(scene, model, status)
-        call check(error, status%is_ok(), trim(status%message))
-        if (.not. status%is_ok()) return
+        call read_model(error, "screw_loop", model)
+        if (allocated(error%message)) return
         q = 40
         way = 0.3_wp
         call settle_samples(model, 1, q, found)
@@ -318,8 +314,6 @@ contains
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: name(2) = [character(len=15) :: "hexaglide", "planar_platform"]
         integer, parameter :: n = 16, n_draw = 200
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(group_block) :: block
         type(random_stream) :: stream
@@ -329,10 +323,8 @@ contains
         integer :: i, draw, k, l, s, m
 
         do i = 1, size(name)
-            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            call read_model(error, trim(name(i)), model)
+            if (allocated(error%message)) return
             block = group_block()
             call prepare_block(model, n, block)
             m = size(block%shift, 2)
@@ -394,8 +386,6 @@ contains
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: name(4) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram", "screw_loop"]
         real(wp), parameter :: h = 1.0e-5_wp           ! differences: errors of h^2 over cubed margins
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(sample_assembly) :: found
         type(closing_programs) :: closing
@@ -406,10 +396,8 @@ contains
         integer :: i, k, l, first
 
         do i = 1, size(name)
-            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            call read_model(error, trim(name(i)), model)
+            if (allocated(error%message)) return
             way = stream%vector(model%n_q)
             q = reshape([model%start_q, model%start_q - h*way, model%start_q + h*way], [model%n_q, 3])
             call settle_samples(model, 1, q, found)
@@ -504,8 +492,6 @@ contains
         character(len=*), parameter :: name(7) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
                                                   "excavator", "boom_by_stroke", "screw_loop", "hexaglide"]
         integer, parameter :: n = 240, first = 20      ! not whole numbers of strides
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(representative_poses) :: poses
         type(sample_assembly) :: by_lanes, by_strides
@@ -518,16 +504,10 @@ contains
         n_crossed = 0
         n_lost = 0
         do i = 1, size(name)
-            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
-            poses = representative_poses()
-            call need_poses(model, spread(model%start_q, 2, 1), poses)
-            associate (m => size(poses%q, 2), there => poses%assembly)
-                call make_closing_programs(model, poses%q, there%place(:, :, :m), there%margin(:, :m), closing)
-                if (model%n_branch > 0) call record_forces(model, of_margins, poses%q, poses%stand, recorded, there%place)
-            end associate
+            call read_model(error, trim(name(i)), model)
+            if (allocated(error%message)) return
+            call close_at_representatives(model, poses, closing)
+            if (model%n_branch > 0) call record_forces(model, of_margins, poses%q, poses%stand, recorded, poses%assembly%place)
             if (closing%is_usable) then
                 call follow_both(random_walk(model%start_q, n, 0.0005_wp))
                 call follow_both(random_walk(model%start_q, n, 0.03_wp))
@@ -606,8 +586,6 @@ contains
                                                   "excavator", "rssr", "hexaglide"]
         integer, parameter :: n = 400
         real(wp), parameter :: too_long = 32           !! of the length allowed
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(representative_poses) :: poses
         type(closing_programs) :: closing
@@ -620,15 +598,9 @@ contains
         n_short = 0
         n_believed = 0
         do i = 1, size(name)
-            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
-            poses = representative_poses()
-            call need_poses(model, spread(model%start_q, 2, 1), poses)
-            associate (m => size(poses%q, 2), there => poses%assembly)
-                call make_closing_programs(model, poses%q, there%place(:, :, :m), there%margin(:, :m), closing)
-            end associate
+            call read_model(error, trim(name(i)), model)
+            if (allocated(error%message)) return
+            call close_at_representatives(model, poses, closing)
             call check(error, closing%is_usable .and. short_part(model) > 0, trim(name(i))//": steps may be short")
             if (.not. closing%is_usable) return
             trail = assembly_trail()
@@ -703,6 +675,31 @@ contains
             q(:, s) = start + [(sin(k + 4.0_wp)*farthest*(1 - cos(8*atan(1.0_wp)*(s - 1)/n))/2, k=1, size(start))]
         end do
     end function to_and_fro
+
+    !> A model of one of the scenes of the tests.
+    subroutine read_model(error, name, model)
+        type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: name
+        type(model_type), intent(out) :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call read_scene("tests/scenes/"//name//".toml", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+    end subroutine read_model
+
+    !> Programs of Newton's steps, at representative poses.
+    subroutine close_at_representatives(model, poses, closing)
+        type(model_type), intent(in) :: model
+        type(representative_poses), intent(out) :: poses
+        type(closing_programs), intent(inout) :: closing
+
+        call need_poses(model, spread(model%start_q, 2, 1), poses)
+        associate (n => size(poses%q, 2), there => poses%assembly)
+            call make_closing_programs(model, poses%q, there%place(:, :, :n), there%margin(:, :n), closing)
+        end associate
+    end subroutine close_at_representatives
 
     !> The scene with its links' starting positions where a state has them.
     subroutine start_there(model, state, scene, started)
