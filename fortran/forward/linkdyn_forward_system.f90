@@ -529,8 +529,7 @@ contains
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine begin
 
-    !> Go on at t where another system of the same mechanism stands: the model's start is that place.
-    !> Of the state evaluated last on the lanes: by its kinetic energy the work of drives is judged, which counts from zero.
+    !> By the kinetic energy of the state evaluated last on the lanes the work of drives is judged, which counts from zero.
     subroutine note_energy(self)
         class(forward_system), intent(inout) :: self
         real(wp), dimension(lanes) :: energy, kinetic
@@ -539,6 +538,7 @@ contains
         self%beside(self%layout%work) = kinetic(1)
     end subroutine note_energy
 
+    !> Go on at t where another system of the same mechanism stands: the model's start is that place.
     subroutine take_over(self, other, t, y)
         class(forward_system), intent(inout) :: self
         type(forward_system), intent(in) :: other

@@ -457,8 +457,8 @@ contains
         if (len(text) == 0) then
             call refuse(place, "a name is empty (expected 1 to "//to_text(name_len)//" letters)", status, line)
         else if (len(text) > name_len) then
-            call refuse(place, "the name "//quoted(text(:24)//"...")//" is too long (expected 1 to "// &
-                to_text(name_len)//" letters)", status, line)
+            call refuse(place, "the name "//quoted(text)//" is too long (expected 1 to "//to_text(name_len)// &
+                " letters; those beyond a to z count as two to four)", status, line)
         else
             do i = 1, len(text)
                 if (iachar(text(i:i)) > 32 .and. iachar(text(i:i)) /= 127) cycle
