@@ -116,19 +116,21 @@ contains
         integer, intent(in) :: first                !! place
         integer, intent(in) :: n
         type(sample_assembly), intent(out) :: assembly
-        integer, allocatable :: other(:)             ! links, of no group
-        integer :: i, l, g
+        logical :: is_led(model%n_link)              ! by a group
+        integer :: g, l
 
         allocate (assembly%branch(size(model%branch), n))
         allocate (assembly%status(n), source=sample_ok)
         allocate (assembly%reached(n), source=reached_straight)
         if (size(model%group) == 0) return
         allocate (assembly%q(model%n_q, n), assembly%margin(size(model%group), n))
-        other = pack([(l, l=1, model%n_link)], [(.not. any([(any(model%group(g)%link == l), g=1, size(model%group))]), &
-                                                 l=1, model%n_link)])
         allocate (assembly%place(place_size(model), model%n_link, first:n))
-        do i = first, n
-            assembly%place(:, other, i) = 0
+        is_led = .false.
+        do g = 1, size(model%group)
+            is_led(model%group(g)%link) = .true.
+        end do
+        do l = 1, model%n_link
+            if (.not. is_led(l)) assembly%place(:, l, :) = 0
         end do
     end subroutine allocate_room
 

@@ -5,7 +5,7 @@
 !> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
 module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
-    use linkdyn_following, only: way_report, is_step_sound, doubt_unsound, way_arrived, way_at_singularity, way_forks, &
+    use linkdyn_following, only: way_report, doubt_unsound, way_arrived, way_at_singularity, way_forks, &
         largest_contraction
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_stride, only: close_places
@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, leaves_doubt, note_doubt, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -91,7 +91,7 @@ contains
         assembly%drift = 0
     end subroutine stand_there
 
-    !> Branches of the closed forms on which a lane's states are tried.
+    !> Branches of the closed forms on which states are tried.
     pure subroutine take_branches(model, assembly, n, branch)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
@@ -284,33 +284,23 @@ contains
         end if
         least = model%least_margin
         do m = 1, size(margin, 2)
-            doubtful = doubtful .or. leaves_doubt(model%scene%passes_change_points, least(m), assembly%margin(:, m), &
-                                                  ahead*assembly%drift(:, m), margin(:, m), ahead*drift(:, m))
+            call note_doubt(lanes, model%scene%passes_change_points, least(m), assembly%margin(:, m), assembly%drift(:, m), &
+                            margin(:, m), drift(:, m), ahead, doubtful)
         end do
     end function is_doubtful
 
-    !> May a map have left its assembly on the step to the state tried?
-    pure elemental logical function leaves_doubt(passes_change_points, least_margin, before, drift_before, now, drift_now)
-        logical, intent(in) :: passes_change_points
-        real(wp), intent(in) :: least_margin
-        real(wp), intent(in) :: before, drift_before   !! accepted margin; its rate per step
-        real(wp), intent(in) :: now, drift_now         !! tried
-
-        leaves_doubt = .not. is_step_sound(least_margin, before, drift_before, now, drift_now)
-        ! From where it is not told on which side it is, a mechanism would leave to either.
-        if (.not. passes_change_points) leaves_doubt = leaves_doubt .or. abs(now) <= least_margin
-    end function leaves_doubt
-
-    !> The same on lanes, of one map.
+    !> May a map have left its assembly on the steps to states tried, one a lane?
     pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
         integer, intent(in) :: n                       !! lanes
         logical, intent(in) :: passes_change_points
         real(wp), intent(in) :: least_margin
-        real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates in 1/s
+        real(wp), intent(in), dimension(n) :: before, drift_before     !! accepted margins; their rates [1/s]
+        real(wp), intent(in), dimension(n) :: now, drift_now           !! tried
         real(wp), intent(in) :: ahead(n)               !! how long the steps are [s]
         logical, intent(inout) :: is_doubtful(n)
 
         call doubt_unsound(n, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        ! From where it is not told on which side it is, a mechanism would leave to either.
         if (.not. passes_change_points) is_doubtful = is_doubtful .or. abs(now) <= least_margin
     end subroutine note_doubt
 

@@ -2,7 +2,7 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, leaves_doubt, note_doubt, secant, take_branches
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
@@ -486,8 +486,9 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: t(:)                   !! [s] (lane)
         type(forward_record), intent(inout) :: record
-        real(wp) :: ahead(lanes)
-        integer :: m, g, lane
+        real(wp), dimension(lanes) :: ahead, now, drift_now
+        logical :: doubtful(lanes)
+        integer :: m, g
 
         ahead(:n) = t(:n) - assembly%t(:n)
         associate (samples => record%samples, out => record%recorded%out, passes => model%scene%passes_change_points)
@@ -498,14 +499,12 @@ contains
             end do
             do g = 1, merge(size(model%group), 0, places_groups(record%recorded))
                 m = model%n_branch + g
-                do lane = 1, n
-                    if (record%is_led(lane)) cycle
-                    associate (now => samples%group_margin(g, lane), before => assembly%margin(lane, m))
-                        samples%is_left(lane) = samples%is_left(lane) .or. leaves_doubt( &
-                            passes, model%least_margin(m), before, ahead(lane)*assembly%drift(lane, m), now, &
-                            ahead(lane)*secant(before, now, ahead(lane)))
-                    end associate
-                end do
+                now(:n) = samples%group_margin(g, :n)
+                drift_now(:n) = secant(assembly%margin(:n, m), now(:n), ahead(:n))
+                doubtful = .false.
+                call note_doubt(n, passes, model%least_margin(m), assembly%margin(:, m), assembly%drift(:, m), now, drift_now, &
+                                ahead, doubtful)
+                samples%is_left(:n) = samples%is_left(:n) .or. (doubtful(:n) .and. .not. record%is_led(:n))
             end do
         end associate
     end subroutine leave_doubtful

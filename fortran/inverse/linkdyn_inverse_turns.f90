@@ -37,7 +37,7 @@ contains
         has_turned = .false.
         do i = 1, size(variable, 2)
             if (goes_on_alike(i)) then
-                if (has_turned) variable(:, i) = variable(:, i) + whole
+                if (has_turned) variable(:, i) = told
                 last = i
                 cycle
             end if
@@ -79,14 +79,9 @@ contains
             goes_on_alike = .false.
             if (last == 0) return
             if (goes_by_quaternion(i) .or. is_anew(assembly, i)) return
-            if (has_turned) then
-                told = variable(:, i) + whole
-                goes_on_alike = keeps_turns(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
-                                            variable(:, last), told)
-            else
-                goes_on_alike = keeps_turns(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
-                                            variable(:, last), variable(:, i))
-            end if
+            told = variable(:, i) + whole
+            goes_on_alike = keeps_turns(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
+                                        variable(:, last), told)
         end function goes_on_alike
 
         !> Does a sample, or the one before?

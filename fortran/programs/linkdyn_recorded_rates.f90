@@ -180,10 +180,11 @@ contains
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
-        real(wp) :: law(n, size(recorded%model%scene%laws%law))
+        real(wp), allocatable :: law(:, :)                 !! (sample, law)
         integer :: i, k
 
         if (.not. recorded%measures%is_made) return
+        allocate (law(n, size(recorded%model%scene%laws%law)))
         call run_program(recorded%measures, out_measures, n, samples%arrays, samples%one_measured, samples%block_measured, &
                          samples%measured)
         associate (model => recorded%model, book => recorded%model%scene%laws, measured => samples%measured(:samples%n_measure, :n))
@@ -242,7 +243,7 @@ contains
         if (all(samples%is_left(:n))) return
         has_laws = .false.
         if (present(laws_are_there)) has_laws = laws_are_there
-        if (recorded%measures%is_made .and. .not. has_laws) call apply_laws(recorded, n, samples)
+        if (.not. has_laws) call apply_laws(recorded, n, samples)
         if (recorded%friction%is_made) then
             call run_rubbing(recorded, n, samples)
         else if (present(wiring)) then

@@ -273,10 +273,10 @@ def test_record_against_lanes(law: dict[str, Any]) -> None:
     data["actuator"][0]["law"] = law
     beside = {**data, "friction": [{"joint": "D", "viscous": 1e-14}]}
     t = np.linspace(0, 1.5, 16)
-    run, lanes = (linkdyn.Scene(one).forward(t=t, want="all", **SHARP) for one in (data, beside))
-    # errors of q are some 30 tolerances, a transmission near its creep speed makes them 70 times as large; ten times that, for rounding leads steps elsewhere
-    for name, bound in (("q", 1e-7), ("qd", 1e-5), ("motor_torque", 1e-5), ("transmission_force", 1e-5), ("transmission_loss", 1e-5)):
-        assert np.abs(run[name].values - lanes[name].values).max() < bound * np.abs(run[name].values).max(), name
+    # errors of q are some 30 tolerances, which a transmission near its creep speed makes 70 times as large: 2e-9
+    run, lanes = (linkdyn.Scene(one).forward(t=t, want="all", rtol=1e-12, atol=1e-14) for one in (data, beside))
+    for name in ("q", "qd", "motor_torque", "transmission_force", "transmission_loss"):
+        assert np.abs(run[name].values - lanes[name].values).max() < 1e-7 * np.abs(run[name].values).max(), name
 
 
 def test_ensemble_and_simulator() -> None:
