@@ -104,11 +104,11 @@ contains
     !> Time of one evaluation, of a state or of a block of them; the best of some passes.
     real(wp) function time_rates(system, y, is_alone) result(best)
         type(forward_system), intent(inout) :: system
-        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in), contiguous :: y(:, :)
         logical, intent(in) :: is_alone
         integer, parameter :: n_pass = 7
         real(wp), parameter :: shortest = 5.0e-3_wp        !! a pass [s]
-        real(wp) :: start, rate(lanes, system%n), alone(system%n), rate_alone(system%n)
+        real(wp) :: start, instant(lanes), rate(lanes, system%n), alone(system%n), rate_alone(system%n)
         logical :: failed(lanes)
         integer :: pass, repeat, n_repeat
 
@@ -121,7 +121,8 @@ contains
                 if (is_alone) then
                     call system%evaluate_alone(1.0e-9_wp*repeat, alone, rate_alone, failed(1))
                 else
-                    call system%evaluate(spread(1.0e-9_wp*repeat, 1, lanes), y, rate, failed)
+                    instant = 1.0e-9_wp*repeat
+                    call system%evaluate(instant, y, rate, failed)
                 end if
             end do
             best = min(best, (seconds() - start)/n_repeat)

@@ -10,7 +10,7 @@ module linkdyn_motion
     use linkdyn_table, only: table_place, find_places, attitude_at
     implicit none (type, external)
     private
-    public :: evaluate_motion, evaluate_loads, lane_loads, sample_count, sample_times
+    public :: evaluate_motion, evaluate_loads, loads_are_constant, is_constant, lane_loads, sample_count, sample_times
 
 contains
 
@@ -155,7 +155,22 @@ contains
         end do
     end subroutine lane_loads
 
-    pure logical function is_constant(law)
+    !> Do no loads change with time?
+    pure logical function loads_are_constant(model)
+        type(model_type), intent(in) :: model
+        integer :: j, k
+
+        loads_are_constant = .true.
+        do j = 1, model%n_load
+            associate (spec => model%scene%load(j))
+                do k = 1, 3
+                    loads_are_constant = loads_are_constant .and. is_constant(spec%force(k)) .and. is_constant(spec%moment(k))
+                end do
+            end associate
+        end do
+    end function loads_are_constant
+
+    pure elemental logical function is_constant(law)
         type(law_spec), intent(in) :: law
 
         is_constant = law%kind == law_none .or. law%kind == law_constant .or. law%kind == law_over

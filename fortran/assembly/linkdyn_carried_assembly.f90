@@ -92,20 +92,29 @@ contains
     end subroutine stand_there
 
     !> Branches of the closed forms on which states are tried.
-    pure subroutine take_branches(model, assembly, n, branch)
+    pure subroutine take_branches(model, assembly, n, branch, are_new)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
         integer, intent(in) :: n                       !! of the first lanes
         real(wp), intent(inout), contiguous :: branch(:, :)    !! (n_branch, lane)
-        integer :: k
+        logical, intent(inout) :: are_new              !! set where one differs from what was there
+        integer :: k, lane, n_new
 
+        n_new = 0
         do k = 1, model%n_branch
             if (assembly%is_needed) then
-                branch(k, :n) = assembly%branch(:n, k)
+                do lane = 1, n
+                    if (branch(k, lane) /= assembly%branch(lane, k)) n_new = n_new + 1
+                    branch(k, lane) = assembly%branch(lane, k)
+                end do
             else
-                branch(k, :n) = model%branch(k)
+                do lane = 1, n
+                    if (branch(k, lane) /= model%branch(k)) n_new = n_new + 1
+                    branch(k, lane) = model%branch(k)
+                end do
             end if
         end do
+        are_new = are_new .or. n_new > 0
     end subroutine take_branches
 
     !> Let another assembly stand where the first lane does, from a lane on: states are evaluated from there later.

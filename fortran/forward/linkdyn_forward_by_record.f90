@@ -6,7 +6,8 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
-    use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, close_states, run_states, &
+    use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, place_still, &
+        close_states, run_states, &
         carry_states, take_rates, place_touches, leave_doubtful, keep_stages, apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
@@ -45,11 +46,11 @@ contains
                     call make_forward_rates(self%model, self%layout, self%equations%unknown, self%wants_work, shared%poses, &
                                             shared%rates)
                 end if
-                call use_forward_rates(self%model, self%layout, shared%rates, .true., self%record)
+                call use_forward_rates(self%model, self%layout, shared%rates, .true., drives_record(self), self%record)
                 if (shared%rates%is_usable) call compare_with_lanes(self, t, shared%poses%q, shared%agrees, shared%sees)
                 call forget_stages(self%record%stage)
             else
-                call use_forward_rates(self%model, self%layout, shared%rates, .true., self%record)
+                call use_forward_rates(self%model, self%layout, shared%rates, .true., drives_record(self), self%record)
             end if
             self%may_record = shared%agrees
             if (self%may_record .and. shared%sees) call use_looks(self%model, self%layout, shared%rates, self%looks)
@@ -59,6 +60,13 @@ contains
         self%n_before_record = min(self%n_before_record, self%n_accepted*self%evaluations_a_step)
         if (self%may_record) call help_lanes(self)
     end procedure make_record
+
+    !> Does the run put driving forces into the record's samples?
+    pure logical function drives_record(self)
+        class(forward_system), intent(in) :: self
+
+        drives_record = any(self%by_inverse) .or. self%has_motor_laws .or. self%has_cylinders .or. self%control%state%n > 0
+    end function drives_record
 
     !> Forces of the scene's motion by a record, too; where coordinates stand in for others it is another model that the motion is of.
     subroutine record_motion(self, t, shared)
@@ -84,12 +92,46 @@ contains
 
     !> dy/dt of the lanes used; the arrays may end there.
     module procedure evaluate_by_record
-        integer :: n
+        if (self%record%stands_still) then
+            call run_still(self, t, y, is_left)
+        else
+            call run_moving(self, t, y, is_left)
+        end if
+        associate (n => self%n_used)
+            call take_rates(n, self%record, y, self%workspace%acceleration, rate)
+            if (self%record%stands_still) return
+            call pack_control_rates(self%layout, n, self%control, rate)
+            if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%motors, rate)
+            if (self%has_cylinders) call pack_pressure_rates(self%model, self%layout, n, self%cylinders, rate)
+            if (self%may_jump) call self%note_mode(self%record%samples%mode(:n), rate, is_left)
+        end associate
+    end procedure evaluate_by_record
+
+    !> Run the record where nothing but states and branches changes.
+    subroutine run_still(self, t, y, is_left)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(:)                   !! of the lanes used at least, as the others
+        real(wp), intent(in), contiguous :: y(:, :)
+        logical, intent(inout) :: is_left(:)           !! that the record does not serve
+
+        associate (n => self%n_used)
+            call place_still(self%model, self%assembly, n, y, self%record)
+            call run_states(n, self%record, y, laws_are_there=.true.)
+            if (self%assembly%is_needed) call leave_doubtful(self%model, self%assembly, n, t, self%record)
+            is_left(:n) = self%record%samples%is_left(:n)
+        end associate
+    end subroutine run_still
+
+    !> The same where time, turns, laws over the state, or what the run knows beside the states come into it.
+    subroutine run_moving(self, t, y, is_left)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(:)
+        real(wp), intent(in), contiguous :: y(:, :)
+        logical, intent(inout) :: is_left(:)
         logical :: changes_efforts
 
-        n = self%n_used
-        call self%find_given_forces(t(:n), self%record%given_force, is_left)
-        associate (samples => self%record%samples)
+        associate (n => self%n_used, samples => self%record%samples)
+            call self%find_given_forces(t(:n), self%record%given_force, is_left)
             call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. is_left(:n)
@@ -108,12 +150,7 @@ contains
             end if
             is_left(:n) = samples%is_left(:n)
         end associate
-        call take_rates(n, self%record, y, self%workspace%acceleration, rate)
-        call pack_control_rates(self%layout, n, self%control, rate)
-        if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%motors, rate)
-        if (self%has_cylinders) call pack_pressure_rates(self%model, self%layout, n, self%cylinders, rate)
-        if (self%may_jump) call self%note_mode(self%record%samples%mode(:n), rate, is_left)
-    end procedure evaluate_by_record
+    end subroutine run_moving
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.

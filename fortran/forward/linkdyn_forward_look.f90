@@ -91,7 +91,7 @@ contains
         look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. wants_looks(model) &
                          .and. size(recorded%model%group) == size(model%group)
         if (.not. look%is_usable) return
-        call use_forward_rates(model, layout, recorded, .false., look%record)
+        call use_forward_rates(model, layout, recorded, .false., .false., look%record)
         look%angle = angles_seen(model)
     end subroutine use_looks
 

@@ -20,7 +20,7 @@ module linkdyn_forward_record
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, gives_attitude, link_freedom, place_size
-    use linkdyn_motion, only: evaluate_loads
+    use linkdyn_motion, only: evaluate_loads, loads_are_constant, is_constant
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
@@ -35,8 +35,8 @@ module linkdyn_forward_record
     private
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
-    public :: place_states, carry_states, place_touches, close_states, close_near, run_states, take_rates, leave_doubtful, &
-        keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
+    public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
+        leave_doubtful, keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -47,6 +47,7 @@ module linkdyn_forward_record
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
         type(state_wires), private :: wires
         logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as they are
+        logical :: stands_still = .false.              !! nothing in the samples but branches changes from one evaluation to the next
         type(input_wiring), private :: wiring
         type(law_instants), private :: instant         !! of the samples
         real(wp), allocatable, private :: constant(:)  !! what actuators give that no law of time tells (n_actuator) [N, N m, V]
@@ -142,11 +143,12 @@ contains
     end function is_led_there
 
     !> Use a record of the scene from now on.
-    subroutine use_forward_rates(model, layout, recorded, by_columns, record)
+    subroutine use_forward_rates(model, layout, recorded, by_columns, is_driven, record)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         type(recorded_rates), intent(in), target :: recorded
         logical, intent(in) :: by_columns              !! states need not be in the samples, where the rates alone hang on them
+        logical, intent(in) :: is_driven               !! somebody puts driving forces into the samples that come from no law of time
         type(forward_record), intent(out) :: record
 
         record%recorded => recorded
@@ -155,7 +157,21 @@ contains
         record%by_columns = by_columns .and. .not. (recorded%measures%is_made .or. recorded%friction%is_made &
                                                     .or. places_groups(recorded))
         if (record%by_columns) call wire_inputs(recorded%program, columns_of_states(model, record%wires), record%wiring)
+        record%stands_still = record%by_columns .and. .not. (is_driven .or. hangs_on_more(model, layout, record))
+        if (record%stands_still) call look_at_laws(model, layout, spread(0.0_wp, 1, lanes), record)
     end subroutine use_forward_rates
+
+    !> Do inputs that are no states change on the way, with time or with turns?
+    pure logical function hangs_on_more(model, layout, record)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(forward_record), intent(in) :: record
+
+        hangs_on_more = any(layout%rate(:model%n_q) == 0) .or. any(layout%counted(:model%n_q) > 0) &
+                        .or. model%scene%base%moves .or. size(model%payload) > 0 .or. .not. loads_are_constant(model) &
+                        .or. .not. all(is_constant(model%scene%actuator(record%timed)%drive%target)) &
+                        .or. any(record%followed > 0) .or. size(record%sprung) > 0
+    end function hangs_on_more
 
     subroutine free_forward_record(record)
         type(forward_record), intent(inout) :: record
@@ -258,6 +274,8 @@ contains
 
         associate (samples => record%samples, wires => record%wires)
             call leave_no_number(n, y, samples%is_left)
+            samples%are_new = .true.
+            call take_branches(model, assembly, n, samples%branch, samples%are_new)
             if (.not. record%by_columns) call carry_states(n, y, record)
             call carry_with_turns(wires%counted, n, y, turns, samples%counted)
             samples%t(:n) = t(:n)
@@ -275,9 +293,20 @@ contains
             do i = 1, size(record%sprung)
                 samples%is_left(:n) = samples%is_left(:n) .or. turns(:n, record%sprung(i)) /= 0
             end do
-            call take_branches(model, assembly, n, samples%branch)
         end associate
     end subroutine place_states
+
+    !> The same where nothing but states and branches changes.
+    subroutine place_still(model, assembly, n, y, record)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        type(forward_record), intent(inout) :: record
+
+        call leave_no_number(n, y, record%samples%is_left)
+        call take_branches(model, assembly, n, record%samples%branch, record%samples%are_new)
+    end subroutine place_still
 
     !> Into the samples, for whoever asks other programs than that of the rates.
     subroutine carry_states(n, y, record)
@@ -297,16 +326,20 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         logical, intent(inout) :: is_left(:)
-        real(wp) :: total
+        real(wp) :: total(lanes)
         integer :: k, lane
 
-        do lane = 1, n
-            total = 0
-            do k = 1, size(y, 2)
-                total = total + abs(y(lane, k))
+        if (n == 1) then
+            is_left(1) = .not. sum(abs(y(1, :))) <= huge(1.0_wp)
+            return
+        end if
+        total(:n) = 0
+        do k = 1, size(y, 2)
+            do lane = 1, n
+                total(lane) = total(lane) + abs(y(lane, k))
             end do
-            is_left(lane) = .not. total <= huge(1.0_wp)
         end do
+        is_left(:n) = .not. total(:n) <= huge(1.0_wp)
     end subroutine leave_no_number
 
     !> What depends on time alone, at the instants of the first samples.
@@ -613,8 +646,8 @@ contains
 
         associate (found => record%samples%found, first => record%recorded%out%acceleration)
             do k = 1, size(acceleration, 2)
-                acceleration(:, k) = found(n, first + k - 1)
-                if (n > 1) acceleration(:n, k) = found(:n, first + k - 1)
+                acceleration(:n, k) = found(:n, first + k - 1)
+                if (n < lanes) acceleration(n + 1:, k) = found(n, first + k - 1)
             end do
             call rates_of_states(record%wires, n, y, found, rate)
         end associate

@@ -614,7 +614,7 @@ contains
         end if
         associate (n => self%n_used)
             call evaluate_by_record(self, t, y, rate, is_left)
-            is_left(:n) = is_left(:n) .or. self%cylinders%impossible(:n) > 0
+            if (self%has_cylinders) is_left(:n) = is_left(:n) .or. self%cylinders%impossible(:n) > 0
             is_left(n + 1:) = is_left(n)
         end associate
         if (any(is_left)) then
@@ -650,7 +650,8 @@ contains
         logical :: lane_is_left(1)
 
         call evaluate_by_record(self, t, y, rate, lane_is_left)
-        is_left = lane_is_left(1) .or. self%cylinders%impossible(1) > 0 .or. .not. sum(abs(rate)) <= huge(1.0_wp)
+        is_left = lane_is_left(1) .or. .not. sum(abs(rate)) <= huge(1.0_wp)
+        if (self%has_cylinders) is_left = is_left .or. self%cylinders%impossible(1) > 0
         if (.not. is_left) call note_evaluated(self, t(1), y(1, :))
     end subroutine evaluate_as_lane
 

@@ -267,7 +267,7 @@ contains
             allocate (recorded)
             call make_forward_rates(forces%model, forces%layout, unknown, .false., poses, recorded)
         end if
-        call use_forward_rates(forces%model, forces%layout, recorded, .false., forces%record)
+        call use_forward_rates(forces%model, forces%layout, recorded, .false., .false., forces%record)
         if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, poses%q, forces)
         forces%has_record = recorded%is_usable
     end subroutine record_motion_forces

@@ -379,24 +379,33 @@ contains
         real(wp), intent(in) :: least_margin
         real(wp), intent(in) :: before, drift_before        !! where the mechanism stands; rate per step
         real(wp), intent(in) :: now, drift_now              !! where it was tried
+        logical :: is_doubtful(1)
 
-        is_sound = .true.
-        if (abs(before) > least_margin) is_sound = before*(before + look_ahead*drift_before) > 0 .and. .not. before*now < 0
-        if (abs(now) > least_margin) is_sound = is_sound .and. now*(now - look_ahead*drift_now) > 0
+        is_doubtful = .false.
+        call doubt_unsound(1, least_margin, [before], [drift_before], [now], [drift_now], [1.0_wp], is_doubtful)
+        is_sound = .not. is_doubtful(1)
     end function is_step_sound
 
-    !> On lanes, of one map: where it may not be believed something is in doubt. Without a call for each.
+    !> On lanes, of one map: where it may not be believed something is in doubt. Written without branches: it takes a vector at a time.
     pure subroutine doubt_unsound(n, least_margin, before, drift_before, now, drift_now, step, is_doubtful)
         integer, intent(in) :: n                            !! lanes
         real(wp), intent(in) :: least_margin
         real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates per unit of the steps
         real(wp), intent(in) :: step(n)
         logical, intent(inout) :: is_doubtful(n)
+        real(wp) :: against(lanes)                          !! 0: nothing speaks against it
         integer :: lane
 
         do lane = 1, n
-            is_doubtful(lane) = is_doubtful(lane) .or. .not. is_step_sound( &
-                                least_margin, before(lane), step(lane)*drift_before(lane), now(lane), step(lane)*drift_now(lane))
+            associate (leads_to => before(lane)*(before(lane) + look_ahead*(step(lane)*drift_before(lane))), &
+                       comes_from => now(lane)*(now(lane) - look_ahead*(step(lane)*drift_now(lane))))
+                against(lane) = merge(merge(0.0_wp, 1.0_wp, leads_to > 0) + merge(1.0_wp, 0.0_wp, before(lane)*now(lane) < 0), &
+                                      0.0_wp, abs(before(lane)) > least_margin) &
+                                + merge(merge(0.0_wp, 1.0_wp, comes_from > 0), 0.0_wp, abs(now(lane)) > least_margin)
+            end associate
+        end do
+        do lane = 1, n
+            is_doubtful(lane) = is_doubtful(lane) .or. against(lane) > 0
         end do
     end subroutine doubt_unsound
 end module linkdyn_following

@@ -64,6 +64,8 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: seen(:, :) => null()          !! as `look_outputs` tells (value, sample)
         real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
+        logical :: are_new = .true.                                    !! since the rates were run last; false: they take from the arrays
+                                                                       !! what they took then
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured, one_seen, block_seen
         type(friction_space), private :: friction
@@ -247,11 +249,12 @@ contains
         if (recorded%friction%is_made) then
             call run_rubbing(recorded, n, samples)
         else if (present(wiring)) then
-            call run_wired(recorded%program, wiring, samples%arrays, size(columns, 1), columns, out_rates, n, samples%one, &
-                           samples%block, samples%found, samples%is_left)
+            call run_wired(recorded%program, wiring, samples%arrays, samples%are_new, size(columns, 1), columns, n, samples%one, &
+                           samples%block, size(samples%found, 1), samples%found, samples%is_left)
+            samples%are_new = .false.
         else
-            call run_wired(recorded%program, recorded%of_samples, samples%arrays, 1, none, out_rates, n, samples%one, &
-                           samples%block, samples%found, samples%is_left)
+            call run_wired(recorded%program, recorded%of_samples, samples%arrays, .true., 1, none, n, samples%one, &
+                           samples%block, size(samples%found, 1), samples%found, samples%is_left)
         end if
         ! Written so that what is no number counts as an alarm.
         do i = 1, n

@@ -72,6 +72,7 @@ module linkdyn_scene_program
     type :: program_space
         type(block_space) :: block
         integer :: lanes = 0                           !! 0: not made yet
+        integer :: n_loaded = 0                        !! samples whose inputs from arrays are still there
     end type program_space
 
 contains
@@ -385,57 +386,91 @@ contains
         end do
     end subroutine run_loaded_one
 
-    !> The first n samples, of which a part of the inputs lies in columns; the output goes to columns, too. One sample alone takes a part of
-    !> what a block takes. Says in which further samples a number is not finite.
-    subroutine run_wired(program, wiring, arrays, stride, columns, id, n, one, block, found, is_bad)
+    !> The first n samples, of which a part of the inputs lies in columns; all outputs go to columns, too, in their order. One sample alone
+    !> takes a part of what a block takes. Says in which further samples a number is not finite.
+    subroutine run_wired(program, wiring, arrays, are_new, stride, columns, n, one, block, room, found, is_bad)
         type(scene_program), intent(in) :: program
         type(input_wiring), intent(in) :: wiring
         type(sample_arrays), intent(in) :: arrays
+        logical, intent(in) :: are_new                 !! arrays; false: they are as they were, and the slots keep what came from them
         integer, intent(in) :: stride                  !! from one column to the next
         real(wp), intent(in) :: columns(stride, *)     !! (sample, column)
-        integer, intent(in) :: id                      !! of the output
         integer, intent(in) :: n
         type(program_space), intent(inout) :: one, block
-        real(wp), intent(inout), target, contiguous :: found(:, :)     !! (sample, value)
+        integer, intent(in) :: room                    !! for samples: from one value to the next
+        real(wp), intent(inout) :: found(room, program%program%n_output)       !! (sample, value)
         logical, intent(inout) :: is_bad(:)            !! (sample)
-        type(output_target) :: to(1)
-        logical :: is_bad_here(most_lanes)
-        integer :: first, count, k
+        integer :: k
 
-        if (n == 1) then
-            call need_single(program, one)
-            do k = 1, size(wiring%row)
-                call load_single(wiring%row(k), arrays, one)
-            end do
-            do k = 1, size(wiring%column)
-                call put(1, 1, wiring%column(k), one)
-            end do
-            call run_loaded_one(program, one, found(1, :))
-            is_bad(1) = is_bad(1) .or. .not. sum(abs(found(1, :))) <= huge(1.0_wp)
-            return
+        if (are_new) then
+            one%n_loaded = 0
+            block%n_loaded = 0
         end if
-        call need_block(program, block)
-        to(1) = goes_to(id, found)
-        do first = 1, n, block%lanes
-            count = min(block%lanes, n - first + 1)
-            do k = 1, size(wiring%row)
-                call load_segment(wiring%row(k), arrays, first, count, block)
-            end do
-            do k = 1, size(wiring%column)
-                call put(first, count, wiring%column(k), block)
-            end do
-            call run_columns(program, block, first, count, to, is_bad_here(:count))
-            is_bad(first:first + count - 1) = is_bad(first:first + count - 1) .or. is_bad_here(:count)
-        end do
+        if (n == 1) then
+            call run_alone()
+        else
+            call run_blocks()
+        end if
 
     contains
 
-        subroutine put(first, count, segment, space)
+        subroutine run_alone()
+            if (one%n_loaded == 0) then
+                call need_single(program, one)
+                do k = 1, size(wiring%row)
+                    call load_single(wiring%row(k), arrays, one)
+                end do
+                one%n_loaded = 1
+            end if
+            call put(1, 1, one)
+            call run_loaded_one(program, one, found(1, :))
+            is_bad(1) = is_bad(1) .or. .not. sum(abs(found(1, :))) <= huge(1.0_wp)
+        end subroutine run_alone
+
+        subroutine run_blocks()
+            integer :: first, count
+
+            call need_block(program, block)
+            do first = 1, n, block%lanes
+                count = min(block%lanes, n - first + 1)
+                if (block%n_loaded /= n) then
+                    do k = 1, size(wiring%row)
+                        call load_segment(wiring%row(k), arrays, first, count, block)
+                    end do
+                end if
+                call put(first, count, block)
+                call run_groups(first, count)
+            end do
+            block%n_loaded = merge(n, 0, n <= block%lanes)
+        end subroutine run_blocks
+
+        subroutine put(first, count, space)
             integer, intent(in) :: first, count
-            type(input_segment), intent(in) :: segment
             type(program_space), intent(in) :: space
 
-            call put_columns(count, stride, columns(first, segment%first), segment%n, segment%slot, space%block)
+            do k = 1, size(wiring%column)
+                associate (s => wiring%column(k))
+                    call put_columns(count, stride, columns(first, s%first), s%n, s%slot, space%block)
+                end associate
+            end do
         end subroutine put
+
+        subroutine run_groups(first, count)
+            integer, intent(in) :: first, count
+            real(wp) :: total(most_lanes)
+            integer :: g, begin
+
+            total(:count) = 0
+            begin = 1
+            do g = 1, size(program%program%group_end)
+                associate (end => program%program%group_end(g))
+                    call run_block(program%program, g, block%block, count)
+                    call take_columns(program%program, block%block, begin, end - begin + 1, count, room, &
+                                      found(first, begin), total)
+                    begin = end + 1
+                end associate
+            end do
+            is_bad(first:first + count - 1) = is_bad(first:first + count - 1) .or. .not. total(:count) <= huge(1.0_wp)
+        end subroutine run_groups
     end subroutine run_wired
 end module linkdyn_scene_program
