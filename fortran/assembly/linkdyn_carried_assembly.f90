@@ -341,23 +341,22 @@ contains
         call go_on_to_state(model, t, goes, margin, drift, assembly)
     end subroutine accept_assembly
 
-    !> The same where somebody else has looked at the accepted state, and left no doubt that it is on this assembly: one state for all
-    !> lanes. `assembly%state` holds its coordinates and rates, no more.
+    !> The same where somebody else has looked at the accepted states, and left no doubt that they are on this assembly. The groups' links
+    !> are at one place on all lanes. `assembly%state` holds coordinates and rates, no more.
     subroutine accept_seen(model, t, is_accepted, margin, drift, place, column, assembly)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(lanes)               !! [s]
         logical, intent(in) :: is_accepted(lanes)
-        real(wp), intent(in) :: margin(:)              !! (n_map)
-        real(wp), intent(in) :: drift(:)               !! of the closed forms [1/s] (n_branch)
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(in) :: drift(:, :)            !! of the closed forms [1/s] (lane, n_branch)
         real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
         real(wp), intent(in) :: column(:, :, :)        !! likewise, rates (link_freedom, n_link, n_q)
         type(carried_assembly), intent(inout) :: assembly
-        real(wp), dimension(lanes, n_map(model)) :: margins, drifts
+        real(wp) :: drifts(lanes, n_map(model))
         integer :: g, i, k
 
-        margins = spread(margin, 1, lanes)
         drifts = 0
-        drifts(:, :model%n_branch) = spread(drift, 1, lanes)
+        drifts(:, :model%n_branch) = drift
         if (model%n_branch > 0) assembly%state%branch = assembly%branch
         do g = 1, size(model%group)
             do i = 1, size(model%group(g)%link)
@@ -371,7 +370,7 @@ contains
             end do
         end do
         assembly%n_crossed_tried = 0
-        call go_on_to_state(model, t, is_accepted, margins, drifts, assembly)
+        call go_on_to_state(model, t, is_accepted, margin, drifts, assembly)
     end subroutine accept_seen
 
     !> The state of the assembly is where the next steps set out from.

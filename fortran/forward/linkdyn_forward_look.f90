@@ -4,7 +4,7 @@
 !> record is not sure is left to the lanes, as everywhere.
 module linkdyn_forward_look
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch
-    use linkdyn_carried_assembly, only: carried_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, note_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
     use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, close_near, &
         is_led_there
@@ -21,7 +21,14 @@ module linkdyn_forward_look
     implicit none (type, external)
     private
     public :: forward_look, wants_looks, choose_looks, use_looks, free_looks
-    public :: see_end, see_energies, angles_seen, seen_angles, is_seen
+    public :: see_end, see_energies, angles_seen, seen_angles, is_seen, see_lanes
+
+    !> What has been seen of a state on each lane.
+    type :: seen_lanes
+        real(wp), dimension(lanes) :: energy = 0, kinetic = 0  !! [J]
+        real(wp), allocatable :: margin(:, :), drift(:, :)     !! of the closed forms; rates [1/s] (lane, n_branch)
+        logical :: counts = .false.                    !! else the record is not sure of one
+    end type seen_lanes
 
     type :: forward_look
         logical :: is_usable = .false.
@@ -30,6 +37,8 @@ module linkdyn_forward_look
         real(wp), private :: t = 0                     !! it [s]
         real(wp), allocatable, private :: y(:)         !! (n)
         integer, allocatable, private :: angle(:)      !! joint variables that are seen as angles
+        logical, allocatable, private :: by_nobody(:)  !! drives whose forces somebody gives: none (n_actuator)
+        type(seen_lanes) :: of_lanes
     end type forward_look
 
 contains
@@ -93,6 +102,8 @@ contains
         if (.not. look%is_usable) return
         call use_forward_rates(model, layout, recorded, .false., .false., look%record)
         look%angle = angles_seen(model)
+        look%by_nobody = spread(.false., 1, model%n_actuator)
+        allocate (look%of_lanes%margin(lanes, model%n_branch), look%of_lanes%drift(lanes, model%n_branch))
     end subroutine use_looks
 
     !> Which joint variables are seen as angles.
@@ -148,7 +159,7 @@ contains
 
         associate (samples => look%record%samples, from => evaluated%samples)
             call place_states(model, layout, assembly, 1, [t], reshape(y, [1, size(y)]), turns, &
-                              spread(.false., 1, model%n_actuator), look%record)
+                              look%by_nobody, look%record)
             samples%place(:, 1) = from%place(:, 1)
             samples%group_margin(:, 1) = from%group_margin(:, 1)
             samples%qdd(:, 1) = acceleration
@@ -168,6 +179,38 @@ contains
         look%t = t
         look%y = y
     end subroutine note_first
+
+    !> Look at accepted states, one a lane, of a scene without groups. Nothing of it counts unless all that matter leave no doubt that they are
+    !> on the accepted assembly.
+    subroutine see_lanes(model, layout, t, y, turns, matters, assembly, look)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        logical, intent(in) :: matters(lanes)
+        type(carried_assembly), intent(in) :: assembly
+        type(forward_look), intent(inout) :: look
+        real(wp) :: ahead(lanes)
+        logical :: doubtful(lanes)
+        integer :: m
+
+        look%is_there = .false.
+        call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
+        call run_looks(look%record%recorded, lanes, look%record%samples)
+        ahead = t - assembly%t
+        associate (samples => look%record%samples, out => look%record%recorded%look, seen => look%of_lanes)
+            seen%energy = samples%seen(out%energy, :lanes)
+            seen%kinetic = samples%seen(out%kinetic, :lanes)
+            doubtful = samples%is_left(:lanes)
+            do m = 1, model%n_branch
+                seen%margin(:, m) = samples%seen(out%margin + m - 1, :lanes)
+                seen%drift(:, m) = samples%seen(out%drift + m - 1, :lanes)
+                call note_doubt(lanes, model%scene%passes_change_points, model%least_margin(m), assembly%margin(:, m), &
+                                assembly%drift(:, m), seen%margin(:, m), seen%drift(:, m), ahead, doubtful)
+            end do
+            seen%counts = .not. any(doubtful .and. matters)
+        end associate
+    end subroutine see_lanes
 
     !> Energies of the state of which the run's record has just found the rates, and of some very near to it. The first is the state
     !> that has been seen from here on.
@@ -193,7 +236,7 @@ contains
                 lane_y(lane, :) = y(:, min(first + lane - 1, size(y, 2)))
             end do
             call place_states(model, layout, assembly, n, spread(t, 1, lanes), lane_y, turns, &
-                              spread(.false., 1, model%n_actuator), look%record)
+                              look%by_nobody, look%record)
             call close_near(model, evaluated, n, look%record)
             associate (samples => look%record%samples, out => look%record%recorded%look)
                 samples%qdd(:, :n) = spread(acceleration, 2, n)

@@ -1,9 +1,10 @@
 !> The ends of steps, seen by the scene's record: who judges a step, and who goes on from it, shares what has been seen once.
 submodule (linkdyn_forward_system) linkdyn_forward_looks
+    use linkdyn_carried_assembly, only: accept_seen
     use linkdyn_coordinate_watch, only: take_rates
     use linkdyn_energy_check, only: note_record
     use linkdyn_followed_angles, only: follow_seen
-    use linkdyn_forward_look, only: see_end, see_energies, seen_angles, is_seen
+    use linkdyn_forward_look, only: see_end, see_energies, see_lanes, seen_angles, is_seen
     use linkdyn_forward_record, only: accept_recorded
     implicit none (type, external)
 
@@ -37,16 +38,21 @@ contains
     !> Has an accepted state been seen by the record, or can it be seen now? Methods that begin their next step by the rates there have
     !> just evaluated it.
     module procedure sees_accepted
-        real(wp) :: rate(self%n)
-        logical :: failed
-
         sees_accepted = self%looks%is_usable .and. self%lanes_are_one .and. all(is_accepted)
         if (.not. sees_accepted) return
         sees_accepted = is_seen(self%looks, t(1), y(1, :))
         if (sees_accepted .or. .not. self%is_by_record) return
-        if (.not. (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried))) &
-            call self%evaluate_alone(t(1), y(1, :), rate, failed)
+        if (.not. (t(1) == self%t_tried .and. all(y(1, :) == self%y_tried))) call evaluate_again()
         sees_accepted = sees_end(self)
+
+    contains
+
+        subroutine evaluate_again()
+            real(wp) :: rate(self%n)
+            logical :: failed
+
+            call self%evaluate_alone(t(1), y(1, :), rate, failed)
+        end subroutine evaluate_again
     end procedure sees_accepted
 
     !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were found.
@@ -65,6 +71,23 @@ contains
         call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
         call note_record(t(1), y(1, :), self%turns, self%energy)
     end procedure accept_by_look
+
+    !> The same of states that differ from lane to lane, of which the record sees nothing but assemblies and energies.
+    module procedure accept_lanes_by_look
+        real(wp) :: no_place(0, 0), no_column(0, 0, 0)
+
+        is_done = self%looks%is_usable .and. size(self%model%group) == 0 .and. .not. self%lanes_are_one
+        if (is_done) is_done = .not. (self%bounce%is_on .or. self%watch%is_on .or. wraps_anywhere(self%of_joints) .or. &
+                                      wraps_anywhere(self%angles))
+        if (.not. is_done) return
+        call see_lanes(self%model, self%layout, t, y, self%turns, is_accepted, self%assembly, self%looks)
+        associate (seen => self%looks%of_lanes)
+            is_done = seen%counts
+            if (.not. is_done) return
+            call accept_seen(self%model, t, is_accepted, seen%margin, seen%drift, no_place, no_column, self%assembly)
+            call weigh_energy(seen%energy, seen%kinetic, y(:, self%layout%supplied), self%energy)
+        end associate
+    end procedure accept_lanes_by_look
 
     !> Joint angles have turned on the way to the accepted state that the record has seen.
     module procedure follow_seen_turns

@@ -354,7 +354,7 @@ contains
         n = merge(1, size(t), all(t == t(1)))
         call set_instants(record%instant, t(:n))
         associate (samples => record%samples)
-            do i = 1, size(t)
+            do i = 1, n
                 samples%effort(:, i) = record%constant
             end do
             do i = 1, size(record%timed)
@@ -362,9 +362,9 @@ contains
                 call evaluate_at_instants(model%scene%actuator(k)%drive%target, record%instant, samples%effort(k, :n), &
                                           samples%target(2*k, :n), record%ignored(:n))
                 samples%target(2*k - 1, :n) = samples%effort(k, :n)
-                if (n < size(t)) call fill(samples%effort(k:k, :))
-                if (n < size(t)) call fill(samples%target(2*k - 1:2*k, :))
             end do
+            call fill(samples%effort)
+            call fill(samples%target)
             do k = 1, model%n_q
                 if (layout%rate(k) > 0) cycle
                 call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k, :n), samples%qd(k, :n), &
@@ -560,8 +560,8 @@ contains
             call find_columns(model, record, place, column, is_done)
         end if
         if (.not. is_done) return
-        call accept_seen(model, t, spread(.true., 1, lanes), [margin, record%samples%group_margin(:, 1)], drift, place, column, &
-                         assembly)
+        call accept_seen(model, t, spread(.true., 1, lanes), spread([margin, record%samples%group_margin(:, 1)], 1, lanes), &
+                         spread(drift, 1, lanes), place, column, assembly)
     end subroutine accept_recorded
 
     !> How the groups' links move with each coordinate alone in the first sample.

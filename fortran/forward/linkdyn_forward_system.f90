@@ -240,6 +240,13 @@ module linkdyn_forward_system
             logical, intent(in) :: is_accepted(lanes)
         end function accept_by_look
 
+        module logical function accept_lanes_by_look(self, t, y, is_accepted) result(is_done)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+            logical, intent(in) :: is_accepted(lanes)
+        end function accept_lanes_by_look
+
         module subroutine follow_seen_turns(self, t)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
@@ -886,6 +893,7 @@ contains
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             if (is_seen) is_seen = accept_by_look(self, t, y, is_accepted)
+            if (.not. is_seen) is_seen = accept_lanes_by_look(self, t, y, is_accepted)
             if (.not. is_seen) then
                 call accept_assembly(self%model, t, is_accepted, self%assembly)
                 call energy_of_motion(self%model, self%assembly%state, energy, kinetic)

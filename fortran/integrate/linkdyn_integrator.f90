@@ -302,7 +302,7 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
         real(wp), parameter :: slack = 1.0e-6_wp    !! of a step: a span that is a whole number of steps but for rounding
-        real(wp) :: h, kept(lanes, system%n)
+        real(wp) :: h, instant(lanes), length(lanes), kept(lanes, system%n)
         logical :: failed(lanes)
         integer :: k, n_jump
 
@@ -325,11 +325,13 @@ contains
             end if
             kept = y
             n_jump = system%n_jump
-            call rk4_step(system, spread(self%t, 1, lanes), spread(h, 1, lanes), y, self%work, failed)
+            instant = self%t
+            length = h
+            call rk4_step(system, instant, length, y, self%work, failed)
             call self%pause%note_work()
             self%n_evaluation = self%n_evaluation + 4
             do k = 1, system%n
-                where (self%failed) y(:, k) = kept(:, k)
+                y(:, k) = merge(kept(:, k), y(:, k), self%failed)
             end do
             self%failed = self%failed .or. failed
             self%i_step = self%i_step + 1
@@ -337,7 +339,8 @@ contains
             if (self%i_step == self%n_span) self%t = t_end
             if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
             if (all(self%failed)) return
-            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+            instant = self%t
+            call system%accept(instant, y, .not. self%failed)
             call undo_broken_steps(self, system, n_jump, kept, y)
             if (all(self%failed)) return
             where (.not. self%failed) self%good_until = self%t

@@ -112,30 +112,63 @@ contains
         integer :: i, k
 
         failed = .false.
-        work%total = 0
-        work%stage = y
         do i = 1, 4
-            do k = 1, merge(system%n, 0, i > 1)
-                work%stage(:, k) = y(:, k) + (part(i)*h)*work%rate(:, k)
-            end do
+            if (i == 1) then
+                work%stage(:, :) = y
+            else
+                call go_ahead(system%n, part(i)*h, y, work%rate, work%stage)
+            end if
             instant = t + part(i)*h
             ! what begins where the step ends is not part of it
             if (i == 4) instant = max(t, instant - rounding*spacing(instant))
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
-            work%total = work%total + weight(i)*work%rate
+            if (i == 1) then
+                work%total(:, :) = work%rate
+            else
+                work%total(:, :) = work%total + weight(i)*work%rate
+            end if
         end do
-        work%stage = y
-        do k = 1, system%n
-            work%total(:, k) = (h/6)*work%total(:, k) + work%rest(:, k)
-        end do
-        work%rest = 0
-        call add_exactly(work%total, work%stage, work%rest)
-        do k = 1, system%n
-            failed = failed .or. .not. abs(work%stage(:, k)) <= huge(1.0_wp)
-        end do
-        do k = 1, system%n
-            where (.not. failed) y(:, k) = work%stage(:, k)
-        end do
+        call finish(system%n, h, work%total, work%rest, y, work%stage, failed)
     end subroutine rk4_step
+
+    !> To a stage.
+    pure subroutine go_ahead(n, h, y, rate, stage)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: h(lanes), y(lanes, n), rate(lanes, n)
+        real(wp), intent(inout) :: stage(lanes, n)
+        integer :: k
+
+        do k = 1, n
+            stage(:, k) = y(:, k) + h*rate(:, k)
+        end do
+    end subroutine go_ahead
+
+    !> To the end of a step.
+    pure subroutine finish(n, h, total, rest, y, y_end, failed)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: h(lanes)
+        real(wp), intent(inout) :: total(lanes, n)     !! six times the mean rate
+        real(wp), intent(inout) :: rest(lanes, n)      !! to be added to y, less than its last place
+        real(wp), intent(inout) :: y(lanes, n)
+        real(wp), intent(inout) :: y_end(lanes, n)     !! scratch
+        logical, intent(inout) :: failed(lanes)
+        real(wp) :: size_of_all(lanes)
+        integer :: k
+
+        do k = 1, n
+            total(:, k) = (h/6)*total(:, k) + rest(:, k)
+        end do
+        y_end = y
+        rest = 0
+        call add_exactly(total, y_end, rest)
+        size_of_all = 0
+        do k = 1, n
+            size_of_all = size_of_all + abs(y_end(:, k))
+        end do
+        failed = failed .or. .not. size_of_all <= huge(1.0_wp)
+        do k = 1, n
+            y(:, k) = merge(y(:, k), y_end(:, k), failed)
+        end do
+    end subroutine finish
 end module linkdyn_rk4
