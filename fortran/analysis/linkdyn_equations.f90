@@ -44,7 +44,7 @@ module linkdyn_equations
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
     public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, solve_with_amounts
-    public :: flag_locked, found_of, renew_equations
+    public :: flag_locked, found_of, renew_equations, share_block, wanted_to_share
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -463,37 +463,63 @@ contains
     subroutine share_on_lanes(model, workspace)
         type(model_type), intent(in) :: model
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: position(3, model%n_link, lanes), rotation(3, 3, model%n_link, lanes)
-        real(wp), dimension(model%n_component, model%n_joint, lanes) :: reaction, before, push
-        real(wp), dimension(lanes, model%n_component*model%n_joint) :: of_joints, at_joints
+        real(wp), dimension(lanes, model%n_component, model%n_joint) :: before, reaction
         integer, allocatable :: column(:)
-        integer :: lane, l, j
+        integer :: j
 
-        of_joints = found_of(workspace, result_reaction, size(of_joints, 2))
-        at_joints = found_of(workspace, result_joint_push, size(of_joints, 2))
+        before = reshape(found_of(workspace, result_reaction, size(before)/lanes), shape(before))
+        reaction = before
+        call share_block(model, workspace, reaction, workspace%status)
         column = [1, 2, 3, 4, 5, 6]
         if (model%is_planar) column = [1, 2, 6]
+        associate (shared => workspace%numbers%of(in_shared)%x)
+            do j = 1, model%n_joint
+                shared(:, 6*(j - 1) + column) = reaction(:, :, j) - before(:, :, j)
+            end do
+        end associate
+    end subroutine share_on_lanes
+
+    !> Reactions of the block that is solved, with what joints share of those that the equations leave open. Lanes that are not used repeat
+    !> the last.
+    subroutine share_block(model, workspace, reaction, status)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(in) :: workspace      !! of links that give way what joints push is wanted (`wanted_to_share`)
+        real(wp), intent(inout) :: reaction(:, :, :)   !! (lane, n_component, n_joint) [N, N m]
+        integer, intent(inout) :: status(:)            !! `sample_*`: joints may gape (lane)
+        real(wp) :: position(3, model%n_link, lanes), rotation(3, 3, model%n_link, lanes)
+        real(wp), dimension(model%n_component, model%n_joint, lanes) :: shared, push
+        real(wp) :: at_joints(lanes, model%n_component, model%n_joint)
+        integer :: lane, l
+
+        at_joints = 0
+        if (size(model%arm) > 0) &
+            at_joints = reshape(found_of(workspace, result_joint_push, size(at_joints)/lanes), shape(at_joints))
         associate (n => workspace%n_used)
             do lane = 1, n
-                reaction(:, :, lane) = reshape(of_joints(lane, :), shape(reaction(:, :, 1)))
-                push(:, :, lane) = reshape(at_joints(lane, :), shape(push(:, :, 1)))
+                shared(:, :, lane) = reaction(lane, :, :)
+                push(:, :, lane) = at_joints(lane, :, :)
                 do l = 1, model%n_link
                     position(:, l, lane) = link_position(model, workspace%state, l, lane)
                     rotation(:, :, l, lane) = link_rotation(model, workspace%state, l, lane)
                 end do
             end do
-            before(:, :, :n) = reaction(:, :, :n)
-            call share_reactions(model, 1, position(:, :, :n), rotation(:, :, :, :n), workspace%status(:n), [(l, l=1, n)], &
-                                 reaction(:, :, :n), push(:, :, :n))
-            associate (shared => workspace%numbers%of(in_shared)%x)
-                do lane = 1, lanes
-                    do j = 1, model%n_joint
-                        shared(lane, 6*(j - 1) + column) = reaction(:, j, min(lane, n)) - before(:, j, min(lane, n))
-                    end do
-                end do
-            end associate
+            call share_reactions(model, 1, position(:, :, :n), rotation(:, :, :, :n), status(:n), [(l, l=1, n)], &
+                                 shared(:, :, :n), push(:, :, :n))
+            do lane = 1, lanes
+                reaction(lane, :, :) = shared(:, :, min(lane, n))
+            end do
+            status(n + 1:) = status(n)
         end associate
-    end subroutine share_on_lanes
+    end subroutine share_block
+
+    !> What a block must find for its reactions to be shared afterwards.
+    pure function wanted_to_share(model) result(wanted)
+        type(model_type), intent(in) :: model
+        integer, allocatable :: wanted(:)
+
+        allocate (wanted(0))
+        if (size(model%arm) > 0) wanted = [result_joint_push]
+    end function wanted_to_share
 
     !> Values of a result of the block that is solved: one of those wanted.
     function found_of(workspace, id, n) result(values)

@@ -74,6 +74,7 @@ contains
             end do
         end do
         call scale_gears(model, scale, similar)
+        call scale_shares(model, scale, similar)
         do i = 1, size(model%scene%spring)
             associate (spring => similar%scene%spring(i))
                 if (is_angular(model, spring%joint, spring%variable)) then
@@ -145,6 +146,25 @@ contains
         end do
         call describe_steps(similar)
     end subroutine make_similar
+
+    !> What joints share by: how they and the links' arms give way, so that all energies are s**2 times those of the model, and how far
+    !> they are off.
+    pure subroutine scale_shares(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
+        do i = 1, size(model%scene%joint)
+            associate (joint => similar%scene%joint(i))
+                joint%stiffness(3:) = scale**2*joint%stiffness(3:)
+                joint%misfit(:3) = scale*joint%misfit(:3)
+            end associate
+        end do
+        do i = 1, size(model%arm)
+            similar%arm(i)%row(4:, :) = model%arm(i)%row(4:, :)/scale
+        end do
+    end subroutine scale_shares
 
     !> Radii and slides.
     pure subroutine scale_gears(model, scale, similar)

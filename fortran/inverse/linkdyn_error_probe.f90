@@ -12,8 +12,7 @@ module linkdyn_error_probe
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_catalogue, only: result_reaction
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
-        want_of, &
-        solve_block, found_of
+        want_of, solve_block, found_of, share_block, wanted_to_share
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -27,6 +26,7 @@ module linkdyn_error_probe
     public :: error_probe, probe_space, make_probe, free_probe, prepare_probe_space, estimate_errors
 
     integer, parameter :: n_copy = 2
+    integer, parameter :: itself = n_copy + 1
     real(wp), parameter :: scale_of(n_copy) = [1.3247179572447460_wp, 0.7548776662466927_wp]
 
     ! An estimate is `safety` times the largest of the differences and of `floor_part` epsilons of the whole force or
@@ -57,7 +57,7 @@ module linkdyn_error_probe
     !> Scratch and results of one thread.
     type :: probe_space
         type(equation_workspace), allocatable :: workspace(:)
-        real(wp), allocatable :: reaction(:, :, :, :)       !! of the copies (lane, n_component, n_joint, copy)
+        real(wp), allocatable :: reaction(:, :, :, :)       !! of the copies, then of the block itself (lane, n_component, n_joint, copy)
         ! ---- RESULTS
         real(wp), allocatable :: driving_force_error(:, :)  !! (lane, n_actuator) [N, N m]
         real(wp), allocatable :: reaction_error(:, :, :)    !! (lane, n_component, n_joint) [N, N m]
@@ -131,7 +131,7 @@ contains
             space%workspace(i)%checks_accuracy = .false.
         end do
         associate (model => probe%copy(1)%model)
-            allocate (space%reaction(lanes, model%n_component, model%n_joint, n_copy), &
+            allocate (space%reaction(lanes, model%n_component, model%n_joint, n_copy + 1), &
                       space%reaction_error(lanes, model%n_component, model%n_joint), &
                       space%driving_force_error(lanes, model%n_actuator))
         end associate
@@ -150,27 +150,34 @@ contains
     !> Error estimates of the block just solved.
     !>
     !> Infinite on a lane on which a copy fails: the state cannot be told from a dead point or a singular position.
-    subroutine estimate_errors(probe, solved, reaction, wants_reactions, space)
+    subroutine estimate_errors(model, probe, solved, reaction, wants_reactions, space)
+        type(model_type), intent(in) :: model
         type(error_probe), intent(in) :: probe
         type(equation_workspace), intent(in) :: solved
         real(wp), intent(in), contiguous :: reaction(:, :, :)    !! (lane, n_component, n_joint)
         logical, intent(in) :: wants_reactions
         type(probe_space), intent(inout) :: space
-        logical :: has_failed(lanes)
-        integer :: i
+        logical :: has_failed(lanes), shares
+        integer :: status(lanes), i
 
-        has_failed = solved%status /= sample_ok
+        shares = wants_reactions .and. model%share%n > 0
+        status = solved%status
+        if (wants_reactions) space%reaction(:, :, :, itself) = reaction
+        if (shares) call share_block(model, solved, space%reaction(:, :, :, itself), status)
+        has_failed = status /= sample_ok
         do i = 1, n_copy
             associate (copy => probe%copy(i), workspace => space%workspace(i))
                 call take_inputs(copy, solved, workspace)
-                if (wants_reactions) call want_of(workspace, [result_reaction])
+                if (wants_reactions) call want_of(workspace, [result_reaction, wanted_to_share(model)])
                 call solve_block(copy%model, copy%equations, workspace)
-                has_failed = has_failed .or. workspace%status /= sample_ok
-                if (.not. wants_reactions) cycle
-                space%reaction(:, :, :, i) = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
+                status = workspace%status
+                if (wants_reactions) space%reaction(:, :, :, i) = &
+                    reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
+                if (shares) call share_block(copy%model, workspace, space%reaction(:, :, :, i), status)
+                has_failed = has_failed .or. status /= sample_ok
             end associate
         end do
-        call compare(probe, solved, reaction, wants_reactions, has_failed, space)
+        call compare(probe, solved, wants_reactions, has_failed, space)
     end subroutine estimate_errors
 
     !> Motion and loads of the block at the size of the copy, on the same assembly.
@@ -236,10 +243,9 @@ contains
     end subroutine take_pushes
 
     !> From forces to estimates.
-    subroutine compare(probe, solved, reaction, wants_reactions, has_failed, space)
+    subroutine compare(probe, solved, wants_reactions, has_failed, space)
         type(error_probe), intent(in) :: probe
         type(equation_workspace), intent(in) :: solved
-        real(wp), intent(in), contiguous :: reaction(:, :, :)
         logical, intent(in) :: wants_reactions
         logical, intent(in) :: has_failed(lanes)
         type(probe_space), intent(inout) :: space
@@ -263,8 +269,8 @@ contains
                     do kind = 1, 2
                         first = merge(1, n_force + 1, kind == 1)
                         last = merge(n_force, model%n_component, kind == 1)
-                        call compare_force(last - first + 1, reaction(:, first:last, j), space%reaction(:, first:last, j, 1), &
-                                           space%reaction(:, first:last, j, 2), &
+                        call compare_force(last - first + 1, space%reaction(:, first:last, j, itself), &
+                                           space%reaction(:, first:last, j, 1), space%reaction(:, first:last, j, 2), &
                                            [one%reaction_back(first), two%reaction_back(first)], &
                                            space%reaction_error(:, first:last, j), error(:, kind), value(:, kind))
                     end do

@@ -103,21 +103,15 @@ contains
         else
             call build_no_equations(model, solver%equations)
         end if
-        if (status%is_ok() .and. options%wants_errors .and. friction_is_shared(model)) then
+        ! what stops before it is exact stops alike in similar mechanisms: nothing would tell of it
+        if (status%is_ok() .and. options%wants_errors .and. friction_is_shared(model)) &
             call fail(status, status_bad_input, "joint "//quoted(model%joint(model%contact(1)%joint)%name)//": friction comes of " &
                 //"reactions that the equations leave open, and has no error estimate (expected no estimates, or no friction)")
-        else if (status%is_ok() .and. options%wants_errors .and. wants_reactions .and. model%share%n > 0) then
-            call fail(status, status_bad_input, "joint "//quoted(model%joint(model%share%joint(1))%name) &
-                //": the equations leave its reaction open, which has no error estimate then (expected driving forces alone)")
-        end if
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
         end if
-        ! reactions that the equations leave open have no estimates
-        if (options%wants_forces .and. size(model%group) > 0 .and. .not. ((wants_reactions .and. model%share%n > 0) .or. &
-                                                                        friction_is_shared(model))) &
-            allocate (solver%look)
+        if (options%wants_forces .and. size(model%group) > 0 .and. .not. friction_is_shared(model)) allocate (solver%look)
         solver%wants_distance = options%wants_distance
         if (options%wants_distance) solver%equations%needs_columns = .true.
         if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then

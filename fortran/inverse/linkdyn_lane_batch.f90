@@ -143,7 +143,7 @@ contains
             if (any(workspace%is_doubtful)) call look_again(model, solver, before, batch, results, space)
             call take_reactions(results, workspace, space%reaction)
             if (allocated(solver%probe)) then
-                call estimate_errors(solver%probe, workspace, space%reaction, results%wants(result_reaction), space%probe)
+                call estimate_errors(model, solver%probe, workspace, space%reaction, results%wants(result_reaction), space%probe)
                 workspace%error = space%probe%worst
             end if
             if (associated(solver%condition)) then
@@ -216,7 +216,7 @@ contains
             call solve_block(model, solver%equations, workspace)
             workspace%checks_accuracy = .true.
             call take_reactions(results, workspace, space%reaction)
-            call estimate_errors(solver%look%probe, workspace, space%reaction, results%wants(result_reaction), doubt)
+            call estimate_errors(model, solver%look%probe, workspace, space%reaction, results%wants(result_reaction), doubt)
             where (.not. (is_doubtful .and. doubt%worst <= surely_certain)) workspace%status = flagged
         end associate
     end subroutine look_again

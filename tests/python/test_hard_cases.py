@@ -22,8 +22,7 @@ from twin import forces_of, quadruple_forces, ratio_to_estimate, true_errors  # 
 TWIN = quadruple_twin()
 SOLVERS = ("elimination", "lapack", "gauss-jordan")
 CASES = hard_cases()
-EXAMPLES = [case for case in examples() if not linkdyn.Scene(case.scene, case.folder).description["shared_reactions"]]
-"""Reactions that the equations leave open have no error estimate."""
+EXAMPLES = list(examples())
 EPS = np.finfo(float).eps
 
 pytestmark = [

@@ -556,8 +556,6 @@ def test_what_is_told(tmp_path: Any) -> None:
     assert "Redundant constraints: 3" in told and "not determined by the equations: forces and moments of joints J1, J2, J3, J4" in told
     summary = subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc"], capture_output=True, text=True, timeout=60, check=True).stdout
     assert "not determined   forces and moments of joints J1, J2, J3, J4: taken is the least sum of squares" in summary
-    with pytest.raises(linkdyn.InputError, match="the equations leave its reaction open"):
-        linkdyn.Scene(bennett()).inverse(t=[0.0], error=True)
     assert linkdyn.Scene(bennett()).inverse(t=[0.0], error=True, want="driving_force").driving_force_error.item() < 1e-10
 
 
