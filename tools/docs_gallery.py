@@ -63,10 +63,10 @@ class Example:
 
     @property
     def text(self) -> str:
-        """The first sentence below the title, as plain words."""
+        """The first sentence below the title, as plain words; the point behind an initial in brackets ends none."""
         paragraph = " ".join(self._readme.split("\n\n")[1].split())
         plain = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", paragraph).replace("`", "")
-        return re.split(r"(?<=[.:]) (?=[A-Z])", plain)[0].rstrip(":")
+        return re.split(r"(?<=[.])(?<![(][A-Z][.])(?<![.]-[A-Z][.]) (?=[A-Z])", plain)[0].rstrip(":")
 
     @property
     def _readme(self) -> str:

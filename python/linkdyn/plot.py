@@ -291,18 +291,20 @@ def _chosen_joints(run: xr.Dataset, joints: Iterable[str] | None, caller: str) -
 
 
 @checked
-def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
+def motion(run: xr.Dataset, stacked: bool = False) -> tuple[Figure, np.ndarray]:
     """Coordinates and their rates: a row per unit; left position, right rate.
 
     Parameters
     ----------
     run
         Results along a motion, or of a forward run.
+    stacked
+        A column per unit; above position, below rate.
 
     Returns
     -------
     figure, axes
-        ``axes`` of shape (number of units, 2).
+        ``axes`` of shape (number of units, 2), (2, number of units) if stacked.
     """
     _need(run, "q")
     units: dict[str, list[str]] = {}
@@ -313,7 +315,7 @@ def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
          for what, per, values in (("position", "", run.q), ("rate", "/s", run.qd))]
         for unit, names in units.items()
     ]
-    return _panels(run, rows)
+    return _panels(run, [list(row) for row in zip(*rows)] if stacked else rows)
 
 
 @checked

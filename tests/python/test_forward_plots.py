@@ -28,10 +28,15 @@ def test_motion_has_a_row_for_each_unit(run):
     figure.canvas.draw()
 
 
+def test_motion_stacked_has_a_column_for_each_unit(run):
+    _, axes = plot.motion(run, stacked=True)
+    assert [axis.get_ylabel() for axis in axes.flat] == ["position [deg]", "position [mm]", "rate [rad/s]", "rate [mm/s]"]
+
+
 def test_arguments_that_there_are_not(run):
     """The name of the function is told, as by Python itself."""
     with pytest.raises(TypeError, match="^motion: too many positional arguments"):
-        plot.motion(run, 3)
+        plot.motion(run, False, 3)
 
 
 def test_energies_with_their_balance(run):

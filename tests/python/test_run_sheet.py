@@ -135,6 +135,19 @@ def test_hodographs_are_of_forces_that_turn():
     assert len(captions) == 3 and not any("Hodograph" in caption for caption in captions)
 
 
+def test_no_picture_stands_beside_blank_paper(tmp_path):
+    """Of a machine that nothing drives its motion is drawn where others have their driving forces; what stands alone has the whole row."""
+    scene = linkdyn.load(EXAMPLES / "bricard" / "scene.toml")
+    run = scene.forward(t=np.linspace(0.0, 0.5, 6))
+    assert [picture.caption for picture in sheet_page(run, scene=scene).pictures][:2] == ["The machine where it starts", "Coordinates and their rates"]
+
+    def classes(run):
+        return re.findall(r"<figure(?: class=\"([a-z ]*)\")?>", linkdyn.sheet(run, tmp_path / "run.html", scene=scene).read_text())
+
+    assert classes(run)[:2] == ["half", "half"] and set(classes(run)[2:]) == {"wide whole"}
+    assert classes(run.isel(sample=slice(1))) == ["wide"]
+
+
 def test_texts_of_pictures_are_as_large_as_those_of_the_page(tmp_path):
     """A letter of 10 points in a picture is 10 px to 11 px high: one panel was blown up to the whole width."""
     linkdyn.new("four-bar").inverse().linkdyn.sheet(tmp_path / "run.html")

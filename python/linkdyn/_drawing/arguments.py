@@ -137,6 +137,7 @@ _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "frames": as_count,
     "fps": as_positive,
     "names": as_flag,
+    "stacked": as_flag,
     "motor": _as_curve,
     "limit": _as_curve,
     "continuous": _as_curve,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from html import escape
+from itertools import groupby
 
 from matplotlib import rc_context
 
@@ -18,6 +19,7 @@ EM = 7.5
 """Letters of the page's height in an inch of a picture: texts of 10 points in pictures are as large as those of the page, on screen and on paper."""
 STYLE = """
 @page { size: A4; margin: 11mm; }
+html { background: #fff; color-scheme: light; }
 body { font: 10px/1.35 "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; color: #1a1a1a; margin: 1.2em auto;
        max-width: 1000px; padding: 0 1em; }
 h1 { font-size: 20px; margin: 0 0 .15em; }
@@ -35,14 +37,19 @@ td.alarm { color: #B2182B; font-weight: 700; }
 div.pair { display: grid; grid-template-columns: 1fr 1fr; column-gap: 2.4em; }
 div.pictures { display: grid; grid-template-columns: 1fr 1fr; gap: .8em; margin-top: .9em; }
 figure { margin: 0; break-inside: avoid; text-align: center; }
-figure.wide { grid-column: 1 / 3; }
+figure.wide { grid-column: 1 / -1; }
 figure img { max-width: 100%; max-height: 430px; object-fit: contain; }
 figure.whole img { max-height: none; }
 figcaption { color: #444; text-align: center; }
+@media screen and (max-width: 700px) { body { font-size: 12px; } p.note { font-size: 11px; } section { overflow-x: auto; }
+  div.pair, div.pictures { grid-template-columns: minmax(0, 1fr); } figure.wide { grid-column: auto; }
+  th { white-space: pre; } td { white-space: nowrap; } td.word { min-width: 7em; white-space: normal; }
+  figure.whole { overflow-x: auto; } figure.whole img { max-width: none; } }
 @media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.4px; line-height: 1.22; } p.note { font-size: 6.4px; }
   h1 { font-size: 15px; } h2 { font-size: 9px; margin: 0; } section { margin-top: .55em; } td { padding: .05em .4em; }
-  div.pictures { grid-template-columns: 1fr 1fr 1fr; gap: .3em; margin-top: .4em; } figure.wide { grid-column: auto; }
-  figure.whole { grid-column: 1 / 4; } figure.whole img { max-height: none; }
+  div.pictures { grid-template-columns: repeat(6, 1fr); gap: .3em; margin-top: .4em; }
+  figure, figure.wide { grid-column: span 2; } figure.half { grid-column: span 3; }
+  figure.whole { grid-column: 1 / -1; } figure.whole img { max-height: 92mm; }
   figure img { max-height: 175px; } }
 """
 
@@ -51,10 +58,10 @@ def html(page: Page) -> str:
     """The whole file."""
     body = [f"<h1>{escape(page.title)}</h1>", *(f'<p class="fact">{escape(line)}</p>' for line in page.lines)]
     body += _sections(page.tables)
-    if page.pictures:
-        body += ['<div class="pictures">', *(_figure(picture) for picture in page.pictures), "</div>"]
     body += ["<section>", *(f'<p class="note">{escape(note)}</p>' for note in page.notes), "</section>"] if page.notes else []
-    head = f'<meta charset="utf-8"/>\n<title>{escape(page.title)}</title>\n<style>{STYLE}</style>'
+    if page.pictures:
+        body += ['<div class="pictures">', *_figures(page.pictures), "</div>"]
+    head = f'<meta charset="utf-8"/>\n<meta name="viewport" content="width=device-width"/>\n<title>{escape(page.title)}</title>\n<style>{STYLE}</style>'
     return "\n".join(["<!DOCTYPE html>", '<html lang="en">', "<head>", head, "</head>", "<body>", *body, "</body>", "</html>", ""])
 
 
@@ -107,9 +114,27 @@ def _data(cell: Cell, is_word: bool) -> str:
     return f"<td{attributes}>{escape(cell.text)}</td>"
 
 
-def _figure(picture: Picture) -> str:
+def _figures(pictures: list[Picture]) -> list[str]:
+    """On screen two in a row, on paper three, or two where no third follows; one that would stand alone has the row."""
+    drawn: list[str] = []
+    for whole, group in groupby(pictures, key=lambda picture: picture.wide):
+        members = list(group)
+        if whole or len(members) == 1:
+            drawn += [_figure(picture, "wide whole" if whole else "wide") for picture in members]
+            continue
+        on_paper = ["half"] if len(members) in (2, 4) else []
+        drawn += [_figure(picture, " ".join(["wide"] * _is_broad(picture) + on_paper)) for picture in members]
+    return drawn
+
+
+def _is_broad(picture: Picture) -> bool:
     width, height = picture.figure.get_size_inches()
-    kind = ' class="wide whole"' if picture.wide else ' class="wide"' if width > 1.45 * height and width > 8 else ""
+    return bool(width > 1.45 * height and width > 8)
+
+
+def _figure(picture: Picture, classes: str) -> str:
+    width, _ = picture.figure.get_size_inches()
+    kind = f' class="{classes}"' if classes else ""
     form, mime = ("png", "image/png") if picture.raster else ("svg", "image/svg+xml")
     stream = io.BytesIO()
     with rc_context({"svg.hashsalt": "linkdyn"}):

@@ -398,6 +398,10 @@ def _pictures(run: xr.Dataset, scene: Scene | None) -> list[Picture]:
         figure, axes = plot.driving_forces(run, crank)
         figure.set_size_inches(8.0, max(4.4, 2.6 * len(axes)))
         pictures.append(_bare(f"Driving forces{over}", figure))
+    elif "q" in run and "qd" in run:        # nothing drives it: how it goes by itself
+        figure, _ = plot.motion(run, stacked=True)
+        figure.set_size_inches(8.0, 5.2)
+        pictures.append(_bare("Coordinates and their rates", figure))
     if "reaction" in run and np.nan_to_num(run.reaction.values).any():
         pictures.append(_bare(f"Joint forces and moments{over}", plot.reactions(run, crank)[0], wide=True))
         pictures += [_hodographs(run, pair, names) for pair, names in _largest(run) if _bent(run, pair, names)]
