@@ -197,6 +197,8 @@ def test_mesh(browser, tsai_file, tmp_path):
     assert view_page.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
     k = 1 + scene.links.index("platform")
     assert page.value(f"{VIEW}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
+    normals = np.array(page.value(f"[...{VIEW}.links[{k}].children[0].geometry.attributes.normal.array]")).reshape(-1, 3)
+    np.testing.assert_allclose(normals[::3], [[0, 0, -1], [0, -1, 0], [-1, 0, 0], np.full(3, 3**-0.5)], atol=1e-6)     # the file has zeros: black bodies
     widest = "(geometry => { geometry.computeBoundingBox(); return geometry.boundingBox.max.x; })"
     assert page.value(f"{widest}({VIEW}.links[{k}].children[0].geometry)") == pytest.approx(0.4)
     assert not page.complaints
@@ -225,6 +227,18 @@ def test_names_stand_on_no_other(browser, tmp_path):
         for k, (left, top, right, bottom) in enumerate(boxes):
             apart = (boxes[:k, 0] >= right) | (boxes[:k, 2] <= left) | (boxes[:k, 1] >= bottom) | (boxes[:k, 3] <= top)
             assert apart.all(), (frame, k)
+
+
+def test_names_are_whole_in_a_narrow_window(browser, tmp_path):
+    """The hook of a crane is at the right of what is seen: its name was cut off."""
+    file = tmp_path / "crane.html"
+    linkdyn.view(linkdyn.load(EXAMPLES / "loader_crane" / "scene.toml"), file)
+    page = browser.open(file, size=(240, 700))
+    ends = page.value("[...root.querySelectorAll('.labels span:not([hidden])')].map(label => label.getBoundingClientRect()).map(r => [r.left, r.right])")
+    assert len(ends) > 4 and np.min(ends) >= 0 and np.max(ends) <= 241     # a pixel for rounded widths of texts
+    rows = page.value("['.play', '.player input', 'output', '.player select'].map(part => root.querySelector(part).getBoundingClientRect()).map(r => (r.top + r.bottom) / 2)")
+    assert rows[0] == pytest.approx(rows[1], abs=2) and rows[2] == pytest.approx(rows[3], abs=2) and rows[2] > rows[1] + 10
+    assert page.value("document.documentElement.scrollWidth") == 240
 
 
 def test_the_legend_hides_no_foot(browser, tmp_path):
@@ -328,6 +342,8 @@ def test_long_runs_are_thinned_out(tsai_file):
         ({"meshes": {"wheel": "a.stl"}}, "there is no link 'wheel'"),
         ({"meshes": {"crank": "a.glb"}}, "expected a file that ends in .stl"),
         ({"meshes": {"crank": "nowhere.stl"}}, "nowhere.stl"),
+        ({"meshes": {"crank": "empty.stl"}}, "'empty.stl': has no triangles"),
+        ({"meshes": {"crank": "short.stl"}}, "'short.stl': has no triangles"),
         ({"mesh_unit": 0}, "mesh_unit"),
         ({"file": "run.pdf"}, "ends in .html"),
         ({"file": "nowhere/run.html"}, "No such file"),
@@ -335,6 +351,8 @@ def test_long_runs_are_thinned_out(tsai_file):
 )
 def test_refused(fourbar, options, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+    (tmp_path / "short.stl").write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(50))
     with pytest.raises(linkdyn.LinkdynError) as caught:
         linkdyn.view(fourbar, **options)
     assert words in str(caught.value) and "\n" not in str(caught.value)

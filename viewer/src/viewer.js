@@ -175,6 +175,7 @@ export class Viewer {
     for (const { link, values, scale } of this.run.meshes) {
       const { values: bytes } = this.run.arrays[values];
       const geometry = new STLLoader().parse(bytes.slice().buffer).scale(scale, scale, scale);
+      geometry.computeVertexNormals(); // of the triangles: many programs write zeros for them, and nothing of that has a colour
       const mesh = new THREE.Mesh(
         geometry,
         new THREE.MeshStandardMaterial({ color: palette.link(link).solid.color, roughness: 0.6, metalness: 0.15 }),
@@ -229,10 +230,11 @@ export class Viewer {
     Object.assign(this.host.dataset, { frame: this.frame, arrows: this.arrows.count, theme: this.theme });
   }
 
-  /** Each name on the side of its place where no other is, the one of the last picture if it can. */
+  /** Each name on the side of its place where no other is, the one of the last picture if it can, and whole where its place is seen. */
   placeNames() {
     if (this.labels.hidden) return;
     const taken = [];
+    const { width } = this.stage;
     for (const name of this.names) {
       const middle = name.places
         .map((place) => this.placeOf(place))
@@ -242,7 +244,8 @@ export class Viewer {
       name.label.hidden = !at;
       if (!at) continue;
       name.size ??= [name.label.offsetWidth, name.label.offsetHeight];
-      const boxes = sidesOf(at, name.size, name.isLink);
+      const isSeen = at[0] >= 0 && at[0] <= width;
+      const boxes = sidesOf(at, name.size, name.isLink).map((box) => (isSeen ? moveWithin(box, width) : box));
       const isFree = ([x, y, right, low]) => taken.every(([a, b, c, d]) => x >= c || right <= a || y >= d || low <= b);
       if (!isFree(boxes[name.side])) name.side = Math.max(0, boxes.findIndex(isFree));
       const box = boxes[name.side];
@@ -333,4 +336,10 @@ function sidesOf([x, y], [width, height], isLink) {
     [x - width / 2, below + height],
   ];
   return corners.map(([left, top]) => [left, top, left + width, top + height]);
+}
+
+/** A box [left, top, right, bottom] moved sideways as little as need be to lie between 0 and `end`. */
+function moveWithin([left, top, right, bottom], end) {
+  const start = Math.max(0, Math.min(left, end - (right - left)));
+  return [start, top, start + right - left, bottom];
 }

@@ -239,7 +239,20 @@ def _mesh(scene: Scene, link: str, file: str, unit: float, block: Block) -> dict
         content = path.read_bytes()
     except OSError as error:
         raise FileError(f"view: meshes: '{path}': {error.strerror}") from error
+    if not _has_triangles(content):
+        raise InputError(f"view: meshes: '{path}': has no triangles, or fewer than it says (expected an STL file, as text or binary)")
     return {"link": names.index(link), "scale": unit, "values": block.add(f"mesh.{link}", np.frombuffer(content, np.uint8), "uint8")}
+
+
+def _has_triangles(content: bytes) -> bool:
+    """What the browser reads of an STL file: 80 bytes, a count and 50 bytes a triangle; or the words "solid", "facet", "vertex" of the text.
+
+    Binary ones may begin with "solid" as well, so their length decides.
+    """
+    count = int.from_bytes(content[80:84], "little")
+    if count and len(content) >= 84 + 50 * count:
+        return True
+    return content.lstrip()[:5].lower() == b"solid" and content.lower().count(b"vertex") >= 3
 
 
 def _names(scene: Scene, postures: Postures, sample: int, extent: float) -> list[list[Any]]:
