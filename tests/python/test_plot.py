@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -350,6 +352,17 @@ def test_film_without_ffmpeg_says_so(turn, monkeypatch, tmp_path):
     monkeypatch.setattr(animation.writers, "is_available", lambda name: False)
     with pytest.raises(linkdyn.UnavailableError, match="ffmpeg"):
         plot.animate(turn, tmp_path / "motion.mp4")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a script of the shell stands for ffmpeg")
+def test_film_without_an_encoder_says_what_ffmpeg_said(turn, monkeypatch, tmp_path):
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\ncase \"$*\" in *-version*) exit 0;; esac\necho \"Unknown encoder 'h264'\" >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(linkdyn.UnavailableError, match=r"^animate: \.mp4: ffmpeg failed: Unknown encoder 'h264' \(expected .*\)$"):
+        plot.animate(turn, tmp_path / "motion.mp4")
+    assert not (tmp_path / "motion.mp4").exists()
 
 
 def test_the_tip_of_a_link_is_the_end_of_a_bar() -> None:

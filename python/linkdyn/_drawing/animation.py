@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -94,7 +95,7 @@ def animate(
     FileError
         The file cannot be written, or is one that was read.
     UnavailableError
-        An ``.mp4`` without ffmpeg.
+        An ``.mp4`` without ffmpeg, or with one that does not encode H.264.
     """
     path = Path(file)
     if path.suffix not in (".gif", ".mp4"):
@@ -255,10 +256,14 @@ def _mp4(pictures: Iterator[NDArray[np.uint8]], figure: Figure, fps: float) -> b
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         next(pictures)      # from then on the figure has its size
-        with writer.saving(figure, path, DPI):
-            writer.grab_frame()
-            for _ in pictures:
+        try:
+            with writer.saving(figure, path, DPI):
                 writer.grab_frame()
+                for _ in pictures:
+                    writer.grab_frame()
+        except subprocess.CalledProcessError as error:
+            said = str(error.stderr or "").strip().splitlines()
+            raise UnavailableError(f"animate: .mp4: ffmpeg failed{': ' + printable(said[-1]) if said else ''} (expected one that encodes H.264; .gif needs nothing)") from None
         return path.read_bytes()
 
 
