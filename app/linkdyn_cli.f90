@@ -309,7 +309,8 @@ contains
 
             associate (command => config%command)
                 if (k == 0) then
-                    call refuse(quoted(word)//": unknown option"//suggestion(word, pack(option%name, option%is_of(command))))
+                    call refuse(quoted(word)//": unknown option"//suggestion(word, pack(option%name, option%is_of(command))) &
+                                //" (linkdyn "//trim(command_name(command))//" --help lists the options)")
                 else if (.not. option(k)%is_of(command)) then
                     c = findloc(option(k)%is_of, .true., dim=1)
                     call refuse(quoted(word)//": unknown option of linkdyn "//trim(command_name(command)) &

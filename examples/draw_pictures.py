@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
-hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
+"""Draw the pictures that the READMEs of the examples show: scene.png, forces.png, reactions.png, hodograph.png, polar.png and
+motion.gif beside each scene, motion_NAME.gif of scene_NAME.toml. Other pictures are drawn by programs of the examples.
 
 Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them,
-and strobe.png for some. Reactions of many unlike joints would be a tower of panels: left out.
+and strobe.png for some.
 
     python examples/draw_pictures.py [EXAMPLE ...]
 """
@@ -25,7 +25,8 @@ import linkdyn.plot
 
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
-MOST_PANELS = 4
+FRAMES = 36     # of a moving picture: enough, and small files
+PANELS = {"forces": linkdyn.plot.driving_forces, "reactions": linkdyn.plot.reactions, "hodograph": linkdyn.plot.hodograph, "polar": linkdyn.plot.polar}
 # Run forward although a motion is given: of one coordinate, followed by controllers, or to be found again.
 FORWARD = {"double_wishbone", "fivebar_pick", "fourbar_start", "rcsp_start"}
 # A second scene of the folder, which runs forward.
@@ -67,50 +68,50 @@ def strobe(scene: linkdyn.Scene, instants: np.ndarray) -> None:
     figure.colorbar(scale, ax=axis, label="time [s]", shrink=0.7)
 
 
-def draw_forward(folder: Path, scene: linkdyn.Scene, run: xr.Dataset) -> None:
-    linkdyn.plot.motion(run)
-    save(folder / "states.png")
-    linkdyn.plot.energies(run)
-    save(folder / "energies.png")
+def draw_forward(folder: Path, scene: linkdyn.Scene, run: xr.Dataset, readme: str) -> None:
+    for name, panels in {"states": linkdyn.plot.motion, "energies": linkdyn.plot.energies}.items():
+        if f"({name}.png)" in readme:
+            panels(run)
+            save(folder / f"{name}.png")
     if folder.name in STROBES:
         first, last, n = STROBES[folder.name]
         strobe(scene, np.linspace(first, last, n))
         save(folder / "strobe.png")
 
 
-def main() -> None:
-    names = sys.argv[1:] or sorted(path.parent.name for path in FOLDER.glob("*/scene.toml"))
-    for name in names:
-        folder = FOLDER / name
-        scene = linkdyn.load(folder / "scene.toml")
-        goes_forward = name in FORWARD or not any(np.ptp(values) > 0 for values in scene.motion()[0].T)
-        run = scene.forward() if goes_forward else scene.inverse()
-        if scene.actuators:
-            linkdyn.plot.driving_forces(run)
-            save(folder / "forces.png")
-        if len(linkdyn.plot.reactions(run)[1]) <= MOST_PANELS:
-            save(folder / "reactions.png")
-        plt.close("all")
+def draw(folder: Path) -> None:
+    """What the README shows of a scene and of those beside it."""
+    readme = (folder / "README.md").read_text(encoding="utf-8")
+    scene = linkdyn.load(folder / "scene.toml")
+    if "(scene.png)" in readme:
         linkdyn.plot.mechanism(scene)
         save(folder / "scene.png")
-        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
-        file = folder / "README.md"
-        readme = file.read_text() if file.exists() else ""
-        for other in sorted(folder.glob("scene_*.toml")):
-            picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
-            if picture.name in readme:
-                variant = linkdyn.load(other)
-                moves = variant.forward() if other.name == BESIDE.get(name) else variant.inverse()
-                linkdyn.plot.animate(moves, picture, scene=variant)
-        for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
-            if f"{kind}.png" in readme:
-                draw(run)
-                save(folder / f"{kind}.png")
-        if goes_forward:
-            draw_forward(folder, scene, run)
-        if name in BESIDE:
-            beside = linkdyn.load(folder / BESIDE[name])
-            draw_forward(folder, beside, beside.forward())
+    if len(scene.times()) < 2:      # poses of a sweep
+        return
+    goes_forward = folder.name in FORWARD or not any(np.ptp(values) > 0 for values in scene.motion()[0].T)
+    run = scene.forward() if goes_forward else scene.inverse()
+    for name, panels in PANELS.items():
+        if f"({name}.png)" in readme:
+            panels(run)
+            save(folder / f"{name}.png")
+    if "(motion.gif)" in readme:
+        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene, frames=FRAMES)
+    for other in sorted(folder.glob("scene_*.toml")):
+        picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
+        if f"({picture.name})" in readme:
+            variant = linkdyn.load(other)
+            moves = variant.forward() if other.name == BESIDE.get(folder.name) else variant.inverse()
+            linkdyn.plot.animate(moves, picture, scene=variant, frames=FRAMES)
+    if goes_forward:
+        draw_forward(folder, scene, run, readme)
+    if folder.name in BESIDE:
+        beside = linkdyn.load(folder / BESIDE[folder.name])
+        draw_forward(folder, beside, beside.forward(), readme)
+
+
+def main() -> None:
+    for name in sys.argv[1:] or sorted(path.parent.name for path in FOLDER.glob("*/scene.toml")):
+        draw(FOLDER / name)
 
 
 if __name__ == "__main__":

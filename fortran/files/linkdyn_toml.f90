@@ -225,7 +225,7 @@ contains
         if (is_utf16(text)) hint = "; this is UTF-16, save the text as UTF-8"
     end function other_encoding
 
-    !> What those who do not know TOML forget, as the end of a message: quotes, and that decimals have a point.
+    !> What those who do not know TOML forget, as the end of a message: quotes, the second one, too, and that decimals have a point.
     pure function forgotten(text, line, column) result(hint)
         character(len=*), intent(in) :: text
         integer, intent(in) :: line, column                    !! of the error; 0 if unknown
@@ -243,6 +243,8 @@ contains
         at = start + column
         if (at > len(text)) return
         if (index(text(at:), achar(226)//achar(128)) == 1) hint = "; quotes are straight: """    ! as word processors set them
+        if (scan(text(at:at), achar(10)//achar(13)) > 0 .and. mod(count([(text(i:i) == """", i=start + 1, at - 1)]), 2) == 1) &
+            hint = "; a text ends with a quote on its line"
         last = len_trim(text(start + 1:at - 1))
         if (last == 0) return
         if (scan(text(start + last:start + last), digits) > 0) then

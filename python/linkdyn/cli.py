@@ -107,7 +107,7 @@ def _run_with_sheet(path: Path, arguments: list[str]) -> int:
         return refuse(problem)
     for word in ("--no-output", "--csv"):
         if word in rest:
-            return refuse(f"--sheet: it is drawn from results in a file, as netCDF (expected none of {word})")
+            return refuse(f"--sheet: it is drawn from results in a netCDF file (expected a run without {word})")
     results, _ = _take_option(rest, ("-o", "--output"))
     if results is None:
         results = str(sheet_file.with_suffix(".nc"))
