@@ -26,6 +26,7 @@ import linkdyn.plot
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
 FRAMES = 36     # of a moving picture: enough, and small files
+FEWER = {"thread_guide": 24}                        # large faces that turn
 PANELS = {"forces": linkdyn.plot.driving_forces, "reactions": linkdyn.plot.reactions, "hodograph": linkdyn.plot.hodograph, "polar": linkdyn.plot.polar}
 # Run forward although a motion is given: of one coordinate, followed by controllers, or to be found again.
 FORWARD = {"double_wishbone", "fivebar_pick", "fourbar_start", "rcsp_start"}
@@ -95,7 +96,7 @@ def draw(folder: Path) -> None:
             panels(run)
             save(folder / f"{name}.png")
     if "(motion.gif)" in readme:
-        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene, frames=FRAMES)
+        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene, frames=FEWER.get(folder.name, FRAMES))
     for other in sorted(folder.glob("scene_*.toml")):
         picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
         if f"({picture.name})" in readme:
