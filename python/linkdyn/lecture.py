@@ -368,6 +368,21 @@ def link_angle(j1: Point, j2: Point) -> Angle:
     """Angle of the line from one joint of a link to another: module link_angle, in (-pi, pi].
 
     The slide's tan^-1(DY/DX) must be read as the two-argument arctangent.
+
+    Parameters
+    ----------
+    j1, j2
+        Joints with their velocities and accelerations; the line goes from ``j1`` to ``j2``.
+
+    Returns
+    -------
+    Angle
+        With its rate and acceleration [rad, rad/s, rad/s^2].
+
+    Raises
+    ------
+    InputError
+        The joints are in one place.
     """
     call = _Call("link_angle", [("j1", j1, 2), ("j2", j2, 2)])
     call.require_line(j1, j2)
