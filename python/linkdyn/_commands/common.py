@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import textwrap
 from typing import NoReturn
 
 from .._printable import printable
@@ -15,13 +16,23 @@ BAD_INPUT, SOME_FAILED = 2, 3
 """Exit statuses, as the executable has them."""
 
 
+class _Filled(argparse.HelpFormatter):
+    """Lines as wide as the terminal; names with hyphens stay whole."""
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        return textwrap.wrap(" ".join(text.split()), width, break_on_hyphens=False)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n".join(indent + line for line in self._split_lines(text, width - len(indent)))
+
+
 class Parser(argparse.ArgumentParser):
     """Of ``linkdyn NAME``, with an option for help of its own."""
 
     def __init__(self, name: str, arguments: str, description: str) -> None:
         self._name = name
         super().__init__(prog=f"linkdyn {name}", description=description, add_help=False, allow_abbrev=False,
-                         usage=f"linkdyn {name} {arguments} [options]", formatter_class=argparse.RawDescriptionHelpFormatter)
+                         usage=f"linkdyn {name} {arguments} [options]", formatter_class=_Filled)
 
     def add_last(self) -> None:
         """The options that every command has at its end."""
