@@ -73,6 +73,7 @@ def test_every_example_is_in_the_gallery():
     assert len(found) > 20    # that none is missing `examples` checks itself
     for example in found:
         assert example.scene.exists() and 3 < len(example.title) < 70 and "](" not in example.text
+        assert 20 < len(example.text) and example.text.count("(") == example.text.count(")"), example.text     # "A Tripteron (C."
 
 
 def test_an_example_in_no_group_is_an_error(tmp_path):

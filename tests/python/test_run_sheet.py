@@ -250,7 +250,7 @@ def test_sheet_of_a_run(tmp_path):
     for words, message in (
         (("--sheet", "out.txt"), "ends in .html or .pdf"),
         (("--sheet", "none/out.html"), "the folder is not there"),
-        (("--sheet", "out.html", "--no-output"), "none of --no-output"),
+        (("--sheet", "out.html", "--no-output"), "a run without --no-output"),
     ):
         said = command("inverse", "scene.toml", *words, folder=tmp_path)
         assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1
