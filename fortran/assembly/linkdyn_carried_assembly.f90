@@ -23,11 +23,14 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, is_far, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
     real(wp), parameter :: longest_step = 63
+
+    !> Strides, half a turn: beyond these a loop may have passed two change points, of which a state tried tells nothing.
+    real(wp), parameter :: farthest_told = 32
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
@@ -282,7 +285,7 @@ contains
         integer :: m
 
         ! On the wrong branch the loops behind the dyad may not close.
-        doubtful = state%unreachable
+        doubtful = state%unreachable .or. is_far(model, span_of(model, state, assembly%q, assembly%quaternion))
         ahead = t - assembly%t
         call measure_margins(model, state, margin, drift)
         if (size(model%group) > 0) then
@@ -297,6 +300,19 @@ contains
                             margin(:, m), drift(:, m), ahead, doubtful)
         end do
     end function is_doubtful
+
+    !> Is a way so far that its end does not tell of the assembly?
+    pure function is_far(model, way)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: way(:, :)              !! (lane, n_q)
+        logical :: is_far(size(way, 1))
+        integer :: k
+
+        is_far = .false.
+        do k = 1, model%n_q
+            is_far = is_far .or. abs(way(:, k)) > farthest_told*model%stride(k)
+        end do
+    end function is_far
 
     !> May a map have left its assembly on the steps to states tried, one a lane?
     pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)

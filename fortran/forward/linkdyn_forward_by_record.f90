@@ -1,7 +1,7 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_agreement, only: agreement, are_alike
-    use linkdyn_carried_assembly, only: stand_there
+    use linkdyn_carried_assembly, only: stand_there, is_far
     use linkdyn_constants, only: least_accuracy
     use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
@@ -146,11 +146,29 @@ contains
             call run_states(n, self%record, y, laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
                 call leave_doubtful(self%model, self%assembly, n, t, self%record)
+                call leave_far(self, n, y)
                 call keep_stages(self%assembly, n, self%record)
             end if
             is_left(:n) = samples%is_left(:n)
         end associate
     end subroutine run_moving
+
+    !> States so far from the accepted one that they do not tell of the assembly.
+    subroutine leave_far(self, n, y)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp) :: way(n, self%model%n_q)
+        integer :: k
+
+        way = 0
+        do k = 1, self%model%n_q
+            associate (p => self%layout%position(k))
+                if (p > 0) way(:, k) = y(:n, p) - self%assembly%q(:n, k)
+            end associate
+        end do
+        self%record%samples%is_left(:n) = self%record%samples%is_left(:n) .or. is_far(self%model, way)
+    end subroutine leave_far
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.
@@ -182,6 +200,8 @@ contains
         do first = 1, size(pose, 2), lanes
             call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
+            ! Groups are led from the start; closed forms have no way to there.
+            if (self%assembly%is_needed .and. size(self%model%group) == 0) self%assembly%q = q
             call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
             if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
             if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%assembly)

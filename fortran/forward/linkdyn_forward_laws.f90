@@ -1,4 +1,4 @@
-!> Laws, and outlines of cams, along the way of a step that is to be accepted: what its stages may have leapt over.
+!> Laws, outlines of cams and margins of the assembly along the way of a step that is to be accepted: what its stages may have leapt over.
 submodule (linkdyn_forward_system) linkdyn_forward_laws
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_cam_contact, only: angle_on_cam
@@ -7,26 +7,33 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
     use linkdyn_law_sight, only: find_part_in_sight, find_part_of_splines, well_within
     use linkdyn_laws, only: evaluate_law
+    use linkdyn_led_mechanism, only: measure_margins, n_map
+    use linkdyn_margin_sight, only: find_part_of_margins
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: is_length
     implicit none (type, external)
 
     !> Coordinates that turn farther between two places are not followed by them.
     real(wp), parameter :: farthest_turn = pi          !! within a step
+    !> Strides of a coordinate, and change of a margin at its rate where the step begins, within which its ends tell of the assembly.
+    real(wp), parameter :: near_strides = 4, near_change = 0.5_wp
 
 contains
 
     module procedure part_in_sight
-        real(wp) :: measure(lanes, size(self%model%scene%laws%measure)), way(lanes, self%n), instant(lanes), share, turned
-        real(wp) :: direction(lanes, self%model%n_cam), of_cams
-        integer :: lane
+        real(wp) :: measure(lanes, size(self%model%scene%laws%measure)), way(lanes, self%n), instant(lanes), share
+        real(wp) :: direction(lanes, self%model%n_cam), of_cams, gone(self%model%n_q), turned
+        integer :: lane, k
+        logical :: looks_at_laws
 
         part = 1
         if (.not. self%may_leap) return
         call find_part_of_splines(t, length, gap, self%sight, part)
-        if (part < 1 .or. .not. (self%sight%has_laws .or. self%model%n_cam > 0)) return
+        looks_at_laws = self%sight%has_laws .or. self%model%n_cam > 0
+        if (part < 1 .or. .not. (looks_at_laws .or. self%assembly%is_needed)) return
+        gone = ways_gone(self, t, length, y, y_end)
         if (self%sight%sees_places .or. self%model%n_cam > 0) then
-            turned = farthest_turned(self, t, length, y, y_end)
+            turned = maxval(gone, mask=[(.not. is_length(self%model, k), k=1, size(gone))])
             if (turned > farthest_turn) then
                 part = well_within*farthest_turn/turned
                 return
@@ -37,6 +44,8 @@ contains
             instant(lane) = t + share*length
             way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
         end do
+        if (self%assembly%is_needed) call look_at_margins(self, instant, way, gone, length, part)
+        if (part < 1 .or. .not. looks_at_laws) return
         if (self%sight%has_laws) then
             call measure_states(self, instant, way, measure)
             call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%sight, part)
@@ -46,6 +55,28 @@ contains
         call find_part_of_cams(self%of_cams, direction, gap, of_cams)
         part = min(part, of_cams)
     end procedure part_in_sight
+
+    !> How much of a step may be gone at once for the assembly's sake: where it is short, or margins change little, its ends tell all.
+    subroutine look_at_margins(self, t, y, gone, length, part)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! of places from the step's beginning to its end [s]
+        real(wp), intent(in) :: y(:, :)                !! there (lane, n)
+        real(wp), intent(in) :: gone(:)                !! by coordinates in the step (n_q)
+        real(wp), intent(in) :: length                 !! of the step [s]
+        real(wp), intent(inout) :: part
+        real(wp), dimension(lanes, n_map(self%model)) :: margin, drift
+
+        if (all(gone <= near_strides*self%model%stride) .and. all(abs(length*self%assembly%drift(1, :)) <= near_change)) return
+        call self%look_closely(t, y)
+        call measure_margins(self%model, self%look, margin, drift)
+        associate (look => self%look)
+            where (spread(look%way_status /= sample_ok .or. look%unreachable .or. look%not_converged, 2, size(margin, 2)))
+                margin = ieee_value(0.0_wp, ieee_quiet_nan)
+                drift = margin
+            end where
+        end associate
+        call find_part_of_margins(self%model%least_margin, margin, drift, self%model%n_branch, length, part)
+    end subroutine look_at_margins
 
     !> In which directions cams are touched; NaN where they cannot be closed.
     subroutine look_at_cams(self, t, y, direction)
@@ -65,28 +96,28 @@ contains
         end associate
     end subroutine look_at_cams
 
-    !> The angle by which a step turns a coordinate farthest, integrated or driven.
-    real(wp) function farthest_turned(self, t, length, y, y_end) result(turned)
+    !> How far a step takes coordinates, integrated or driven.
+    function ways_gone(self, t, length, y, y_end) result(gone)
         class(forward_system), intent(in) :: self
         real(wp), intent(in) :: t, length              !! of the step [s]
         real(wp), intent(in) :: y(:), y_end(:)         !! at its ends (n)
-        real(wp) :: angle(2), ignored(2)
+        real(wp) :: gone(self%model%n_q)
+        real(wp) :: place(2), ignored(2)
         integer :: k
 
-        turned = 0
+        gone = 0
         do k = 1, self%model%n_q
-            if (is_length(self%model, k)) cycle
             associate (p => self%layout%position(k), motion => self%model%scene%coordinate(k)%motion)
                 if (p > 0) then
-                    turned = max(turned, abs(y_end(p) - y(p)))
+                    gone(k) = abs(y_end(p) - y(p))
                 else if (self%layout%rate(k) == 0) then
-                    call evaluate_law(motion, t, angle(1), ignored(1), ignored(2))
-                    call evaluate_law(motion, t + length, angle(2), ignored(1), ignored(2))
-                    turned = max(turned, abs(angle(2) - angle(1)))
+                    call evaluate_law(motion, t, place(1), ignored(1), ignored(2))
+                    call evaluate_law(motion, t + length, place(2), ignored(1), ignored(2))
+                    gone(k) = abs(place(2) - place(1))
                 end if
             end associate
         end do
-    end function farthest_turned
+    end function ways_gone
 
     !> The cubic that meets solution and rates at both ends of a step.
     pure elemental real(wp) function between(share, y, way, y_end, way_end)

@@ -42,6 +42,7 @@ module linkdyn_forward_system
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_cam_sight, only: cam_sight, plan_cam_sight
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_law_sight, only: law_sight, plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
@@ -485,11 +486,12 @@ contains
         system%n_before_record = evaluations_on_lanes(model)
         call plan_law_sight(model%scene%laws, laws_over_time(model), system%sight)
         call plan_cam_sight(model, system%of_cams)
-        system%may_leap = has_to_look(system%sight) .or. model%n_cam > 0
+        system%may_leap = has_to_look(system%sight) .or. model%n_cam > 0 .or. follows_assembly(model)
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)
-        if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0 .or. model%n_cam > 0) then
+        if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0 .or. model%n_cam > 0 &
+            .or. follows_assembly(model)) then
             call prepare_kinematics(model, 0, system%look)
         end if
         call prepare_motors(model%n_actuator, system%motors)
