@@ -479,6 +479,7 @@ contains
         system%family = families_of_state(system%layout)
         allocate (system%turns(lanes, system%n), source=0.0_wp)
         allocate (system%beside(system%n), source=0.0_wp)
+        allocate (system%per_place(system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
@@ -545,6 +546,7 @@ contains
 
         call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
         self%beside(self%layout%work) = kinetic(1)
+        self%per_place(self%layout%work) = sum(abs(self%workspace%driving_force(1, :)))
     end subroutine note_energy
 
     !> Go on at t where another system of the same mechanism stands: the model's start is that place.
@@ -561,6 +563,7 @@ contains
         if (wraps_anywhere(self%of_joints)) call need_look(self)
         self%own => other%own
         self%beside(self%layout%work) = other%beside(other%layout%work)
+        self%per_place(self%layout%work) = other%per_place(other%layout%work)
         self%control%state = other%control%state
         self%motors%switched = other%motors%switched
         self%motors%is_on = other%motors%is_on

@@ -197,7 +197,7 @@ contains
         end if
         associate (options => self%options, control => self%control)
             system%span = options%span
-            call self%gone%start(y(1, :), system%family, system%beside)
+            call self%gone%start(y(1, :), system%family, system%beside, system%per_place)
             system%evaluations_a_step = merge(extrapolated, taken_by_stages, any(options%method == [method_gbs, method_seulex]))
             select case (options%method)
             case (method_rk4)

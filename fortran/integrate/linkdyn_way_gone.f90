@@ -9,7 +9,8 @@
 !> to go by.
 !>
 !> What is added up of large numbers that cancel has its size from beside it: the work of drives, which is zero as long as a heavy
-!> machine only turns, is one of its kinetic energy.
+!> machine only turns, is one of its kinetic energy. And where a force acts, work knows no more than places do: a machine that its drives hold
+!> at rest moves by rounding, which their forces make a work of rounding, however large that is beside 1 J.
 module linkdyn_way_gone
     use linkdyn_kinds, only: wp
     implicit none (type, external)
@@ -26,17 +27,19 @@ module linkdyn_way_gone
         real(wp), allocatable :: furthest(:)     !! from there, so far (n)
         integer, allocatable :: family(:)        !! one of `family_*` (n)
         real(wp), allocatable :: beside(:)       !! size of what it stands beside; 0: nothing (n)
+        real(wp), allocatable :: per_place(:)    !! of it a place is worth; 0: nothing (n)
     contains
         procedure :: start, note, absolute_error
     end type way_gone_type
 
 contains
 
-    subroutine start(self, y, family, beside)
+    subroutine start(self, y, family, beside, per_place)
         class(way_gone_type), intent(inout) :: self
         real(wp), intent(in) :: y(:)             !! (n)
         integer, intent(in), optional :: family(:)     !! absent: all alone (n)
         real(wp), intent(in), optional :: beside(:)    !! absent: nothing (n)
+        real(wp), intent(in), optional :: per_place(:) !! absent: nothing (n)
         integer :: i
 
         self%origin = y
@@ -45,6 +48,8 @@ contains
         if (present(family)) self%family = family
         self%beside = [(0.0_wp, i=1, size(y))]
         if (present(beside)) self%beside = beside
+        self%per_place = [(0.0_wp, i=1, size(y))]
+        if (present(per_place)) self%per_place = per_place
     end subroutine start
 
     !> The solution has come to y.
@@ -64,11 +69,12 @@ contains
         real(wp), parameter :: enough = 0.01_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
         integer :: f
 
-        unit = max(1.0_wp, self%beside)
+        unit = max(1.0_wp, self%beside, self%per_place)
         error = atol*max(self%furthest, abs(y - self%origin), self%beside)/enough
         do f = family_place, family_rate
             where (self%family == f) error = max(error, beside_others*min(atol, maxval(error, self%family == f)))
         end do
+        if (any(self%family == family_place)) error = max(error, self%per_place*maxval(error, self%family == family_place))
         error = min(atol*unit, max(error, least*unit))
     end function absolute_error
 end module linkdyn_way_gone

@@ -59,6 +59,29 @@ def test_what_stands_still_costs_no_steps() -> None:
     assert at_rest.attrs["steps"] < 100
 
 
+@pytest.mark.parametrize("method", ["rkf45", "rk8pd", "gbs", "seulex", "msbdf"])
+def test_forces_that_hold_cost_no_steps(method: str) -> None:
+    """Two arms that torques hold against their weight move by rounding, and so does the torques' work, however heavy the arms: no reason
+    for short steps. The motion is the same for every mass."""
+    ahead, behind = 0.3, 0.4
+    for mass in (1.0, 1e4, 1e8, 1e12):
+        half = 0.5 * mass * 9.81 * np.cos(ahead + behind)
+        torques = {"A": 1.5 * mass * 9.81 * np.cos(ahead) + half, "B": half}
+        run = linkdyn.Scene({
+            "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"A": [0, 0]}},
+            "link": [{"name": name, "mass": mass, "inertia": mass, "cog": [0.5, 0], "markers": {near: [0, 0], far: [1, 0]}}
+                     for name, near, far in (("first", "A", "B"), ("second", "B", "C"))],
+            "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "first.A"]},
+                      {"name": "B", "type": "revolute", "between": ["first.B", "second.B"]}],
+            "coordinate": [{"joint": "A", "start": {"position": ahead}}, {"joint": "B", "start": {"position": behind}}],
+            "actuator": [{"joint": name, "law": {"type": "constant", "value": torque}} for name, torque in torques.items()],
+        }).forward(t=np.linspace(0.0, 3.0, 4), method=method)
+        assert run.attrs["stopped"] == ""
+        assert run.attrs["steps"] < 50, "some ten, at every mass; by rounding the heaviest took up to 1,069"
+        np.testing.assert_allclose(run.q.values[-1], [ahead, behind], atol=1e-12)
+        assert float(abs(run.work).max()) < 1e-12 * sum(torques.values())
+
+
 @pytest.mark.parametrize("method", ["rk8pd", "gbs", "msbdf"])
 def test_work_that_cancels_costs_no_steps(method: str) -> None:
     """A crank turns on its coupler and rocker without a drive's work: what rounding makes of that, however heavy the machine, is small
