@@ -564,6 +564,7 @@ contains
         self%own => other%own
         self%beside(self%layout%work) = other%beside(other%layout%work)
         self%per_place(self%layout%work) = other%per_place(other%layout%work)
+        self%is_book(self%layout%work) = other%is_book(other%layout%work)
         self%control%state = other%control%state
         self%motors%switched = other%motors%switched
         self%motors%is_on = other%motors%is_on

@@ -101,6 +101,8 @@ contains
         self%system%may_end = .false.
         self%system%lanes_are_one = .true.
         if (.not. status%is_ok()) return
+        ! Nobody is told it, and forces come later: steps do not heed it.
+        self%system%is_book(self%system%layout%work) = .true.
         self%system%may_record = .true.
         call prepare_watch(self%model, spread(.true., 1, self%model%n_q), self%system%watch)
         call self%system%watch_ends(self%options%rtol, self%options%atol)
