@@ -8,6 +8,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_stops
     use linkdyn_impacts, only: find_impacts, find_resting
     use linkdyn_measures, only: find_events
     use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_stop_starts, only: touch_width
     use linkdyn_stop_states, only: hard_gaps, begin_gaps, rest_at_stop, leave_stop
     implicit none (type, external)
 
@@ -20,7 +21,7 @@ contains
         real(wp) :: response(lanes, n_stop(self%model%scene), n_stop(self%model%scene))
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_stop(self%model%scene))
         real(wp) :: rate(lanes, self%n), y_before(lanes, self%n), loss(lanes)
-        logical, dimension(lanes, n_stop(self%model%scene)) :: touches, has_struck, is_closed, rested, rests
+        logical, dimension(lanes, n_stop(self%model%scene)) :: touches, has_struck, is_closed, rested, rests, is_idle
         logical :: failed(lanes), is_struck(lanes)
         integer :: i, lane
 
@@ -32,6 +33,8 @@ contains
         before = away_from_stops(self%model, self%look, level_velocity)
         call find_touching(self, t, strikes, touches)
         call find_stop_responses(self, t, y, touches, response, of_coordinates)
+        call find_idle(self, touches, before, response, is_idle)
+        where (is_idle) before = 0
         call throw_back()
         call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
@@ -45,9 +48,12 @@ contains
                 self%final_event = self%model%scene%stop(i)%event
             end where
         end do
+        is_closed = is_closed .and. .not. is_idle
         call choose_resting(self, t, y, is_struck, touches, after, response, is_closed, rests)
+        rests = rests .and. .not. is_idle
         call take_last_speed()
         call change_rests(self, is_struck, touches, rested, rests)
+        call tell_from_rounding(self, is_idle)
         call tell()
         call renew_gaps(self, t, y, is_struck, rested)
 
@@ -174,7 +180,56 @@ contains
                 of_coordinates(lane, :, i) = coordinates_by_all(lane, :, i) - matmul(coordinates_by_all(lane, :, held), force)
             end do
         end do
+        call drop_rounding(sum(self%model%link%mass), touches, response, of_coordinates)
     end subroutine find_stop_responses
+
+    !> A push that acts on a lever of rounding has no response: an impulse that would make up for it were any number.
+    pure subroutine drop_rounding(mass, touches, response, of_coordinates)
+        real(wp), intent(in) :: mass                   !! of all links [kg]
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(inout) :: response(:, :, :)   !! (lane, of stop, by stop)
+        real(wp), intent(inout) :: of_coordinates(:, :, :)  !! (lane, n_q, by stop)
+        real(wp), parameter :: least_lever = 1.0e-10_wp     !! of one at which the stop acts on all links
+        integer :: lane, i
+
+        do i = 1, size(touches, 2)
+            do lane = 1, lanes
+                if (.not. touches(lane, i) .or. response(lane, i, i)*mass > least_lever**2) cycle
+                response(lane, :, i) = 0
+                response(lane, i, :) = 0
+                of_coordinates(lane, :, i) = 0
+            end do
+        end do
+    end subroutine drop_rounding
+
+    !> Stops that no force of theirs moves away, and that nothing moves either: what they bound does not change, as the distance of two
+    !> markers of one link does not, and comes to its stop by rounding alone. Nothing strikes them.
+    subroutine find_idle(self, touches, speed, response, is_idle)
+        class(forward_system), intent(in) :: self
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(in) :: speed(:, :)            !! apart (lane, n_stop)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of stop, by stop)
+        logical, intent(out) :: is_idle(:, :)          !! (lane, n_stop)
+        integer :: i
+
+        do i = 1, size(touches, 2)
+            is_idle(:, i) = touches(:, i) .and. .not. response(:, i, i) > 0 &
+                            .and. abs(speed(:, i))*max(self%span, 1.0_wp) <= touch_width(self%model%scene%stop(i))
+        end do
+    end subroutine find_idle
+
+    !> What comes to its stop by rounding alone does so no more: its gap has a sign beyond the rounding of what it is a difference of.
+    subroutine tell_from_rounding(self, is_idle)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_idle(:, :)           !! (lane, n_stop)
+        integer :: i
+
+        do i = 1, size(is_idle, 2)
+            associate (stop => self%model%scene%stop(i))
+                where (is_idle(:, i)) self%guard_scale(:, stop%event) = max(self%guard_scale(:, stop%event), abs(stop%bound))
+            end associate
+        end do
+    end subroutine tell_from_rounding
 
     !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart, and those that
     !> slipped slip the way that it has left them. Those that it has brought to rest are told so by their guards.
