@@ -282,10 +282,15 @@ contains
         logical :: doubtful(lanes)
         real(wp), dimension(lanes, n_map(model)) :: margin, drift
         real(wp) :: ahead(lanes), least(n_map(model))
+        real(wp) :: way(lanes, model%n_q)
         integer :: m
 
         ! On the wrong branch the loops behind the dyad may not close.
-        doubtful = state%unreachable .or. is_far(model, span_of(model, state, assembly%q, assembly%quaternion))
+        doubtful = state%unreachable
+        way = span_of(model, state, assembly%q, assembly%quaternion)
+        do m = 1, model%n_q
+            doubtful = doubtful .or. is_far(way(:, m), model%stride(m))
+        end do
         ahead = t - assembly%t
         call measure_margins(model, state, margin, drift)
         if (size(model%group) > 0) then
@@ -301,17 +306,11 @@ contains
         end do
     end function is_doubtful
 
-    !> Is a way so far that its end does not tell of the assembly?
-    pure function is_far(model, way)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: way(:, :)              !! (lane, n_q)
-        logical :: is_far(size(way, 1))
-        integer :: k
+    !> Is a coordinate's way so far that its end does not tell of the assembly?
+    pure elemental logical function is_far(way, stride)
+        real(wp), intent(in) :: way, stride
 
-        is_far = .false.
-        do k = 1, model%n_q
-            is_far = is_far .or. abs(way(:, k)) > farthest_told*model%stride(k)
-        end do
+        is_far = abs(way) > farthest_told*stride
     end function is_far
 
     !> May a map have left its assembly on the steps to states tried, one a lane?

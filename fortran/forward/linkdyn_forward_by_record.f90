@@ -1,14 +1,14 @@
 !> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_agreement, only: agreement, are_alike
-    use linkdyn_carried_assembly, only: stand_there, is_far
+    use linkdyn_carried_assembly, only: stand_there
     use linkdyn_constants, only: least_accuracy
     use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, place_still, &
-        close_states, run_states, &
-        carry_states, take_rates, place_touches, leave_doubtful, keep_stages, apply_record_laws
+        close_states, run_states, carry_states, take_rates, place_touches, leave_doubtful, leave_far, keep_stages, &
+        apply_record_laws
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
     use linkdyn_led_mechanism, only: measure_margins
@@ -117,7 +117,10 @@ contains
         associate (n => self%n_used)
             call place_still(self%model, self%assembly, n, y, self%record)
             call run_states(n, self%record, y, laws_are_there=.true.)
-            if (self%assembly%is_needed) call leave_doubtful(self%model, self%assembly, n, t, self%record)
+            if (self%assembly%is_needed) then
+                call leave_doubtful(self%model, self%assembly, n, t, self%record)
+                call leave_far(self%model, self%layout, self%assembly, n, y, self%record%samples%is_left)
+            end if
             is_left(:n) = self%record%samples%is_left(:n)
         end associate
     end subroutine run_still
@@ -146,29 +149,12 @@ contains
             call run_states(n, self%record, y, laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
                 call leave_doubtful(self%model, self%assembly, n, t, self%record)
-                call leave_far(self, n, y)
+                call leave_far(self%model, self%layout, self%assembly, n, y, samples%is_left)
                 call keep_stages(self%assembly, n, self%record)
             end if
             is_left(:n) = samples%is_left(:n)
         end associate
     end subroutine run_moving
-
-    !> States so far from the accepted one that they do not tell of the assembly.
-    subroutine leave_far(self, n, y)
-        class(forward_system), intent(inout) :: self
-        integer, intent(in) :: n
-        real(wp), intent(in) :: y(:, :)                !! (lane, n)
-        real(wp) :: way(n, self%model%n_q)
-        integer :: k
-
-        way = 0
-        do k = 1, self%model%n_q
-            associate (p => self%layout%position(k))
-                if (p > 0) way(:, k) = y(:n, p) - self%assembly%q(:n, k)
-            end associate
-        end do
-        self%record%samples%is_left(:n) = self%record%samples%is_left(:n) .or. is_far(self%model, way)
-    end subroutine leave_far
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.

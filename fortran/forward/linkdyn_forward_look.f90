@@ -7,7 +7,7 @@ module linkdyn_forward_look
     use linkdyn_carried_assembly, only: carried_assembly, note_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
     use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, close_near, &
-        is_led_there
+        is_led_there, leave_far
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
@@ -202,6 +202,7 @@ contains
             seen%energy = samples%seen(out%energy, :lanes)
             seen%kinetic = samples%seen(out%kinetic, :lanes)
             doubtful = samples%is_left(:lanes)
+            call leave_far(model, layout, assembly, lanes, y, doubtful)
             do m = 1, model%n_branch
                 seen%margin(:, m) = samples%seen(out%margin + m - 1, :lanes)
                 seen%drift(:, m) = samples%seen(out%drift + m - 1, :lanes)

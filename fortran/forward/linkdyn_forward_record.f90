@@ -2,7 +2,7 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, is_far
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
@@ -36,7 +36,7 @@ module linkdyn_forward_record
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
-        leave_doubtful, keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
+        leave_doubtful, leave_far, keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -541,6 +541,26 @@ contains
             end do
         end associate
     end subroutine leave_doubtful
+
+    !> States are left that lie so far from the accepted one that they do not tell of the assembly.
+    pure subroutine leave_far(model, layout, assembly, n, y, is_left)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: n
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        logical, intent(inout) :: is_left(:)           !! (lane)
+        integer :: k, lane
+
+        do k = 1, model%n_q
+            associate (p => layout%position(k))
+                if (p == 0) cycle
+                do lane = 1, n
+                    is_left(lane) = is_left(lane) .or. is_far(y(lane, p) - assembly%q(lane, k), model%stride(k))
+                end do
+            end associate
+        end do
+    end subroutine leave_far
 
     !> Go on from the first sample, an accepted state that leaves no doubt that it is on the accepted assembly: one for all lanes.
     !> `assembly%state` holds its coordinates.
