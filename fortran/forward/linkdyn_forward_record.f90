@@ -666,8 +666,8 @@ contains
 
         associate (found => record%samples%found, first => record%recorded%out%acceleration)
             do k = 1, size(acceleration, 2)
-                acceleration(:n, k) = found(:n, first + k - 1)
-                if (n < lanes) acceleration(n + 1:, k) = found(n, first + k - 1)
+                acceleration(:, k) = found(n, first + k - 1)
+                if (n > 1) acceleration(:n, k) = found(:n, first + k - 1)
             end do
             call rates_of_states(record%wires, n, y, found, rate)
         end associate
