@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, is_far, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, is_far, longest_way, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -305,6 +305,14 @@ contains
                             margin(:, m), drift(:, m), ahead, doubtful)
         end do
     end function is_doubtful
+
+    !> How far a step may be meant to go, so that its stages do tell of the assembly.
+    pure elemental real(wp) function longest_way(stride)
+        real(wp), intent(in) :: stride
+        real(wp), parameter :: well_within = 0.45_wp   !! rates grow on the way
+
+        longest_way = well_within*farthest_told*stride
+    end function longest_way
 
     !> Is a coordinate's way so far that its end does not tell of the assembly?
     pure elemental logical function is_far(way, stride)

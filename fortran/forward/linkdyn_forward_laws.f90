@@ -4,6 +4,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
     use linkdyn_cam_contact, only: angle_on_cam
     use linkdyn_cam_sight, only: find_part_of_cams
     use linkdyn_constants, only: pi
+    use linkdyn_forward_look, only: see_way
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
     use linkdyn_law_sight, only: find_part_in_sight, find_part_of_splines, well_within
     use linkdyn_laws, only: evaluate_law
@@ -56,7 +57,9 @@ contains
         part = min(part, of_cams)
     end procedure part_in_sight
 
-    !> How much of a step may be gone at once for the assembly's sake: where it is short, or margins change little, its ends tell all.
+    !> How much of a step may be gone at once for the assembly's sake: where it is short, or margins change little, its ends tell all. Long
+    !> steps, of which the cubic through their ends may tell little, are believed if the record was in no doubt at any of their stages:
+    !> beyond a change point it would be, for the most part of the way to the next.
     subroutine look_at_margins(self, t, y, gone, length, part)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)               !! of places from the step's beginning to its end [s]
@@ -67,6 +70,14 @@ contains
         real(wp), dimension(lanes, n_map(self%model)) :: margin, drift
 
         if (all(gone <= near_strides*self%model%stride) .and. all(abs(length*self%assembly%drift(1, :)) <= near_change)) return
+        if (self%looks%is_usable .and. size(self%model%group) == 0) then
+            call see_way(self%model, self%layout, t, y, self%turns, self%assembly, self%looks)
+            associate (seen => self%looks%of_lanes)
+                if (seen%counts) call find_part_of_margins(self%model%least_margin, seen%margin, seen%drift, self%model%n_branch, &
+                                                           length, part)
+                if (seen%counts .or. self%n_left == 0) return
+            end associate
+        end if
         call self%look_closely(t, y)
         call measure_margins(self%model, self%look, margin, drift)
         associate (look => self%look)

@@ -21,7 +21,7 @@ module linkdyn_forward_look
     implicit none (type, external)
     private
     public :: forward_look, wants_looks, choose_looks, use_looks, free_looks
-    public :: see_end, see_energies, angles_seen, seen_angles, is_seen, see_lanes
+    public :: see_end, see_energies, angles_seen, seen_angles, is_seen, see_lanes, see_way
 
     !> What has been seen of a state on each lane.
     type :: seen_lanes
@@ -194,24 +194,66 @@ contains
         logical :: doubtful(lanes)
         integer :: m
 
-        look%is_there = .false.
-        call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
-        call run_looks(look%record%recorded, lanes, look%record%samples)
+        call look_at_lanes(model, layout, t, y, turns, assembly, look)
         ahead = t - assembly%t
-        associate (samples => look%record%samples, out => look%record%recorded%look, seen => look%of_lanes)
-            seen%energy = samples%seen(out%energy, :lanes)
-            seen%kinetic = samples%seen(out%kinetic, :lanes)
-            doubtful = samples%is_left(:lanes)
-            call leave_far(model, layout, assembly, lanes, y, doubtful)
+        doubtful = look%record%samples%is_left(:lanes)
+        call leave_far(model, layout, assembly, lanes, y, doubtful)
+        associate (seen => look%of_lanes)
             do m = 1, model%n_branch
-                seen%margin(:, m) = samples%seen(out%margin + m - 1, :lanes)
-                seen%drift(:, m) = samples%seen(out%drift + m - 1, :lanes)
                 call note_doubt(lanes, model%scene%passes_change_points, model%least_margin(m), assembly%margin(:, m), &
                                 assembly%drift(:, m), seen%margin(:, m), seen%drift(:, m), ahead, doubtful)
             end do
             seen%counts = .not. any(doubtful .and. matters)
         end associate
     end subroutine see_lanes
+
+    !> The same of places along one way, the first of which is on the accepted assembly. Nothing of it counts unless each next place is as
+    !> surely on it: beyond a change point it would be another one that is seen.
+    subroutine see_way(model, layout, t, y, turns, assembly, look)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        type(carried_assembly), intent(in) :: assembly
+        type(forward_look), intent(inout) :: look
+        integer, parameter :: n_step = lanes - 1
+        real(wp) :: step(n_step)
+        logical :: doubtful(n_step)
+        integer :: m
+
+        call look_at_lanes(model, layout, t, y, turns, assembly, look)
+        step = t(2:) - t(:n_step)
+        doubtful = look%record%samples%is_left(2:lanes)
+        associate (seen => look%of_lanes)
+            do m = 1, model%n_branch
+                call note_doubt(n_step, .false., model%least_margin(m), seen%margin(:n_step, m), seen%drift(:n_step, m), &
+                                seen%margin(2:, m), seen%drift(2:, m), step, doubtful)
+            end do
+            seen%counts = .not. (any(doubtful) .or. look%record%samples%is_left(1))
+        end associate
+    end subroutine see_way
+
+    subroutine look_at_lanes(model, layout, t, y, turns, assembly, look)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: turns(:, :)
+        type(carried_assembly), intent(in) :: assembly
+        type(forward_look), intent(inout) :: look
+        integer :: m
+
+        look%is_there = .false.
+        call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
+        call run_looks(look%record%recorded, lanes, look%record%samples)
+        associate (seen => look%of_lanes, values => look%record%samples%seen, out => look%record%recorded%look)
+            seen%energy = values(out%energy, :lanes)
+            seen%kinetic = values(out%kinetic, :lanes)
+            do m = 1, model%n_branch
+                seen%margin(:, m) = values(out%margin + m - 1, :lanes)
+                seen%drift(:, m) = values(out%drift + m - 1, :lanes)
+            end do
+        end associate
+    end subroutine look_at_lanes
 
     !> Energies of the state of which the run's record has just found the rates, and of some very near to it. The first is the state
     !> that has been seen from here on.

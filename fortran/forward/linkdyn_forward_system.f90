@@ -13,7 +13,8 @@
 !> one of them.
 module linkdyn_forward_system
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, measure_rates, note_start
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly, &
+        longest_way
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
@@ -113,6 +114,7 @@ module linkdyn_forward_system
         type(forward_look) :: looks           !! at the ends of steps
         integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
+        integer :: n_left = 0                          !! other ones since the last accepted state
         type(law_sight) :: sight                       !! what laws do within steps
         type(cam_sight), allocatable :: of_cams(:)     !! and the outlines of cams
         logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
@@ -134,6 +136,7 @@ module linkdyn_forward_system
         procedure :: watch_ends
         procedure :: leads_too_far
         procedure :: part_in_sight
+        procedure :: longest_step => longest_forward_step
         procedure :: stalled_coordinate
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
@@ -622,6 +625,7 @@ contains
         logical :: is_left(lanes)
 
         if (.not. self%has_record_now(t(1))) then
+            self%n_left = self%n_left + 1
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
@@ -651,8 +655,25 @@ contains
             call evaluate_as_lane(self, [t], y, rate, failed)
             self%n_used = lanes
         end if
-        if (failed) call self%evaluate_spread(t, y, rate, failed)
+        if (.not. failed) return
+        self%n_left = self%n_left + 1
+        call self%evaluate_spread(t, y, rate, failed)
     end subroutine evaluate_one
+
+    !> Steps are not meant to go where states no longer tell of the assembly.
+    pure real(wp) function longest_forward_step(self, rate) result(longest)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: rate(:)                !! (n)
+        integer :: k
+
+        longest = huge(1.0_wp)
+        if (.not. self%assembly%is_needed) return
+        do k = 1, self%model%n_q
+            associate (p => self%layout%position(k))
+                if (p > 0) longest = min(longest, longest_way(self%model%stride(k))/max(abs(rate(p)), tiny(1.0_wp)))
+            end associate
+        end do
+    end function longest_forward_step
 
     !> One lane of states, by the record.
     subroutine evaluate_as_lane(self, t, y, rate, is_left)
@@ -693,6 +714,7 @@ contains
         real(wp) :: on_lanes(lanes, self%n)
         integer :: k
 
+        self%n_left = self%n_left + 1
         call self%evaluate_on_lanes(t, y, on_lanes, failed)
         failed = failed .and. is_left
         do k = 1, self%n
@@ -884,6 +906,7 @@ contains
         logical :: is_seen
 
         self%n_accepted = self%n_accepted + 1
+        self%n_left = 0
         if (holds_anywhere(self%clutch)) then
             where (is_accepted) self%clutch%longest = max(self%clutch%longest, t - self%clutch%t_accepted)
         end if

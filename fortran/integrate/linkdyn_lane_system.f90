@@ -51,6 +51,7 @@ module linkdyn_lane_system
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
         procedure :: part_in_sight
+        procedure :: longest_step
         procedure :: accept
         procedure :: begin_trial
         procedure :: looks_wanted, see_within
@@ -139,6 +140,14 @@ contains
 
         leads_too_far = .false.
     end function leads_too_far
+
+    !> Steps that begin with these rates should be no longer [s].
+    pure real(wp) function longest_step(self, rate)
+        class(lane_system), intent(in) :: self
+        real(wp), intent(in) :: rate(:)                !! (n)
+
+        longest_step = huge(1.0_wp)
+    end function longest_step
 
     !> How much of a step is to be gone at once, since its stages may have leapt over what the system does within it; 1: all of it.
     function part_in_sight(self, t, length, gap, y, rate, y_end, rate_end) result(part)

@@ -228,7 +228,7 @@ contains
         call find_rates(self, system)
         self%is_under_way = .true.
         if (self%longest == 0) self%next = min(self%next, time_of_change(self, system))
-        self%wished = min(self%next, t_end - self%t)
+        self%wished = min(self%next, t_end - self%t, system%longest_step(self%rate))
         self%step = self%wished
         self%n_refused = 0
         self%i_stretch = 0
