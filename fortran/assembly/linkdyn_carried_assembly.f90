@@ -288,7 +288,7 @@ contains
         ! On the wrong branch the loops behind the dyad may not close.
         doubtful = state%unreachable
         way = span_of(model, state, assembly%q, assembly%quaternion)
-        do m = 1, model%n_q
+        do m = 1, merge(model%n_q, 0, model%n_branch > 0)      ! groups' corrections from the tangent tell
             doubtful = doubtful .or. is_far(way(:, m), model%stride(m))
         end do
         ahead = t - assembly%t

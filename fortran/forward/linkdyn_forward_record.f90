@@ -552,6 +552,7 @@ contains
         logical, intent(inout) :: is_left(:)           !! (lane)
         integer :: k, lane
 
+        if (model%n_branch == 0) return
         do k = 1, model%n_q
             associate (p => layout%position(k))
                 if (p == 0) cycle

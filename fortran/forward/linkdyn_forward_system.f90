@@ -667,7 +667,7 @@ contains
         integer :: k
 
         longest = huge(1.0_wp)
-        if (.not. self%assembly%is_needed) return
+        if (.not. self%assembly%is_needed .or. self%model%n_branch == 0) return
         do k = 1, self%model%n_q
             associate (p => self%layout%position(k))
                 if (p > 0) longest = min(longest, longest_way(self%model%stride(k))/max(abs(rate(p)), tiny(1.0_wp)))
