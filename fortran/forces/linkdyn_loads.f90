@@ -4,7 +4,7 @@ module linkdyn_loads
     use linkdyn_mechanism, only: mechanism_type, load_point
     use linkdyn_scene, only: axes_link
     use linkdyn_value, only: value
-    use linkdyn_vector, only: vector_of
+    use linkdyn_vector, only: vector_of, operator(.rotate.)
     implicit none (type, external)
     private
     public :: apply_load
@@ -21,9 +21,13 @@ contains
         associate (load => mechanism%model%scene%load(i))
             acting%link = load%link
             acting%point = load_point(mechanism, i)
-            if (load%axes == axes_link) acting%turning = mechanism%bodies%body(load%link)%turning
             acting%force = vector_of(component(:3))
             acting%moment = vector_of(component(4:))
+            if (load%axes /= axes_link) return
+            ! the link may be traced in other axes than those in which the scene has it, and its load
+            acting%turning = mechanism%bodies%body(load%link)%turning
+            acting%force = mechanism%own(load%link)%r.rotate.acting%force
+            acting%moment = mechanism%own(load%link)%r.rotate.acting%moment
         end associate
     end function apply_load
 end module linkdyn_loads
