@@ -13,6 +13,7 @@ from pathlib import Path
 import linkdyn
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from test_cams import CAMS
 from test_space_cams import DRUMS, in_tilted_axes
 
@@ -208,6 +209,22 @@ def test_forward_undoes_inverse(name: str, tmp_path: Path) -> None:
         assert np.abs(back["driving_force"] - force[i]).max() <= ROUNDING * max(largest, np.abs(force).max())
         assert_alike(found["reaction"], back["reaction"][0])
     assert n_alarm <= 5
+
+
+@pytest.mark.accuracy
+def test_ball_at_its_pole(tmp_path: Path) -> None:
+    """Angles of a ball joint tell its attitude at a pitch of 90 degrees, too: there roll and yaw alone are not certain, both together are."""
+    at = {"at": [-0.3, 0.1, 0.3], "axis": [1.0, 0.0, 0.0], "x": [0.0, 1.0, 2.0]}
+    scene = linkdyn.Scene({**STRUT, "link": [{**link, "markers": {**link["markers"], "eye": at}} if link["name"] == "lever" else link for link in STRUT["link"]]})
+    compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
+    ball = [label.startswith("eye.") for label in compiled_labels(compiled, "variable")]
+    for q in np.linspace(-1e-15, 1e-15, 7):
+        status, found = compiled(q=[q], qd=[0.0], qdd=[0.0])
+        assert status == OK
+        turn = scene.poses([[q]]).rotation[0]
+        x = np.array([0.0, 1.0, 2.0]) / np.sqrt(5.0)
+        marker = np.column_stack([x, np.cross([1.0, 0.0, 0.0], x), [1.0, 0.0, 0.0]])
+        np.testing.assert_allclose(Rotation.from_euler("XYZ", found["joint_variable"][ball]).as_matrix(), turn[2].T @ turn[0] @ marker, atol=1e-13)
 
 
 @pytest.mark.accuracy
