@@ -23,7 +23,7 @@ module linkdyn_lane_system
         real(wp), allocatable :: beside(:)                !! sizes of what components change, where these tell by how much they
                                                           !! may be off; not allocated: their own ways do (n)
         real(wp), allocatable :: per_place(:)             !! how much of a component a place is worth, or an angle: it may be off by what
-                                                          !! these may be, times that; not allocated: nothing (n)
+                                                          !! rounding leaves of these, times that; not allocated: nothing (n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)

@@ -69,12 +69,11 @@ contains
         real(wp), parameter :: enough = 0.01_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
         integer :: f
 
-        unit = max(1.0_wp, self%beside, self%per_place)
+        unit = max(1.0_wp, self%beside)
         error = atol*max(self%furthest, abs(y - self%origin), self%beside)/enough
         do f = family_place, family_rate
             where (self%family == f) error = max(error, beside_others*min(atol, maxval(error, self%family == f)))
         end do
-        if (any(self%family == family_place)) error = max(error, self%per_place*maxval(error, self%family == family_place))
-        error = min(atol*unit, max(error, least*unit))
+        error = max(min(atol*unit, max(error, least*unit)), least*self%per_place)
     end function absolute_error
 end module linkdyn_way_gone
