@@ -88,7 +88,7 @@ contains
             if (run%options%switches) reason = reason//no_other
         else if (stalled > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(stalled)%name)
-            if (run%system%watch%variable(stalled) > 0) then     ! a hinge or slide itself
+            if (is_joint_itself(run, stalled)) then
                 reason = reason//" comes to its dead point"
                 if (run%options%switches) reason = reason//no_other
             else
@@ -140,6 +140,15 @@ contains
             reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> Is a coordinate a hinge or slide itself, which another one could stand in for? Members of ensembles are not watched for that.
+    pure logical function is_joint_itself(run, k)
+        type(forward_run), intent(in) :: run
+        integer, intent(in) :: k
+
+        is_joint_itself = .false.
+        if (allocated(run%system%watch%variable)) is_joint_itself = run%system%watch%variable(k) > 0
+    end function is_joint_itself
 
     !> Has a cylinder come to where it cannot go on, where the mechanism itself could?
     pure logical function has_come_to_end(run)

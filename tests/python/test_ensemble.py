@@ -92,3 +92,13 @@ def test_bad_input(motors: linkdyn.Scene) -> None:
     q[2, 1] = np.nan
     with pytest.raises(linkdyn.InputError, match="J5"):
         motors.ensemble(q, qd, TIMES)
+
+
+def test_members_that_all_stop_do_not_end_the_process() -> None:
+    """Nobody watches for coordinates that could be exchanged: what the first member met is put into words all the same."""
+    scene = linkdyn.load(Path(__file__).resolve().parents[1] / "scenes" / "hexaglide.toml")
+    run = scene.forward(t=[0.0, 1e-4], method="rk4", step=1e-4)
+    q, qd = (np.tile(run[name].values[0], (20, 1)) for name in ("q", "qd"))
+    random = np.random.default_rng(3)
+    runs = scene.ensemble(q + 1e-3 * random.standard_normal(q.shape), qd + 0.1 * random.standard_normal(q.shape), t=[0.0, 0.05, 0.1], step=1e-3)
+    assert runs.status.shape == (20,) and np.all(runs.good_until <= 0.1)
