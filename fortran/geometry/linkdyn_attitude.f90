@@ -73,15 +73,17 @@ contains
         y = vector(zero(), cos(angle(1)), sin(angle(1)))
     end function pitch_axis
 
-    !> Roll, pitch, yaw of a rotation, pitch within a right angle. Yaw is what is left once roll and pitch are taken away, times the
-    !> cosine of pitch: so the three tell the rotation however near a right angle pitch is. There roll alone is not certain.
+    !> Roll, pitch, yaw of a rotation, pitch within a right angle. Yaw is what is left once roll is taken away: so the three tell the
+    !> rotation at a right angle, too, where roll alone is not certain.
     function angles_of_rotation(r) result(angle)
         type(rotation), intent(in) :: r
-        type(value) :: angle(3)
+        type(value) :: angle(3), c, s
 
         angle(1) = atan2(-r%z%y, r%z%z)
         angle(2) = atan2(r%z%x, sqrt(square(r%z%y) + square(r%z%z)))
-        angle(3) = atan2(r%z%z*r%x%y - r%z%y*r%x%z, r%z%z*r%y%y - r%z%y*r%y%z)
+        c = cos(angle(1))
+        s = sin(angle(1))
+        angle(3) = atan2(c*r%x%y + s*r%x%z, c*r%y%y + s*r%y%z)
     end function angles_of_rotation
 
     !> Rates of roll, pitch, yaw from the angular velocity. Not finite where pitch is a right angle.

@@ -210,7 +210,9 @@ contains
         case (joint_spherical, pose_attitude)
             q(:, 1) = atan2(-(second%z.dot.first%y), second%z.dot.first%z)
             q(:, 2) = atan2(second%z.dot.first%x, sqrt((second%z.dot.first%y)**2 + (second%z.dot.first%z)**2))
-            q(:, 3) = atan2(-(second%y.dot.first%x), second%x.dot.first%x)
+            ! what is left once roll is taken away: at a right angle of pitch roll alone is not certain
+            q(:, 3) = atan2(cos(q(:, 1))*(second%x.dot.first%y) + sin(q(:, 1))*(second%x.dot.first%z), &
+                            cos(q(:, 1))*(second%y.dot.first%y) + sin(q(:, 1))*(second%y.dot.first%z))
             qd = rates_of_rpy(q(:, 1), q(:, 2), first.unrotate.omega)
         end select
     end subroutine variables_of_relative
