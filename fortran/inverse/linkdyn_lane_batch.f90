@@ -9,7 +9,7 @@ module linkdyn_lane_batch
     use linkdyn_closed_forms, only: transmission_angles
     use linkdyn_condition, only: eliminate_block, find_rcond
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
-    use linkdyn_equations, only: equation_workspace, want_of, solve_block, found_of
+    use linkdyn_equations, only: equation_workspace, want_of, solve_block, found_of, wanted_to_share
     use linkdyn_error_probe, only: probe_space, prepare_probe_space, estimate_errors
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, wanted_ids, forces_beside, make_undefined, may_be_infinite
@@ -107,10 +107,9 @@ contains
         if (.not. batch%shares) return
         associate (noted => batch%noted, n => batch%n, n_link => model%n_link)
             allocate (noted%position(3, n_link, n), noted%rotation(3, 3, n_link, n), noted%status(n))
-            if (results%wants(result_reaction) .and. size(model%arm) > 0) then
-                batch%wanted = [batch%wanted, result_joint_push]
-                allocate (noted%push(model%n_component, model%n_joint, n))
-            end if
+            if (.not. results%wants(result_reaction)) return
+            batch%wanted = [batch%wanted, wanted_to_share(model)]
+            if (size(model%arm) > 0) allocate (noted%push(model%n_component, model%n_joint, n))
         end associate
     end subroutine plan_results
 
