@@ -39,6 +39,7 @@ contains
         memory%sight = self%sight
         memory%n_accepted = self%n_accepted
         memory%n_before_record = self%n_before_record
+        memory%n_left = self%n_left
         if (allocated(self%given_force)) memory%given_force = self%given_force
     end procedure remember
 
@@ -74,6 +75,7 @@ contains
         self%sight = memory%sight
         self%n_accepted = memory%n_accepted
         self%n_before_record = memory%n_before_record
+        self%n_left = memory%n_left
         if (allocated(memory%given_force)) self%given_force = memory%given_force
         ! what was evaluated since says nothing
         self%is_by_record = .false.

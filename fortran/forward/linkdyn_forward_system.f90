@@ -185,7 +185,7 @@ module linkdyn_forward_system
         logical :: is_driven_through(lanes) = .false.
         type(event_log) :: log
         type(law_sight) :: sight
-        integer :: n_accepted = 0, n_before_record = 0
+        integer :: n_accepted = 0, n_before_record = 0, n_left = 0
         real(wp), allocatable :: given_force(:)
     end type forward_memory
 
