@@ -3,7 +3,7 @@ module linkdyn_exact_sum
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: add_exactly
+    public :: add_exactly, add_all_exactly
 
 contains
 
@@ -21,4 +21,21 @@ contains
         end if
         sum = total
     end subroutine add_exactly
+
+    !> The same of many sums side by side, none of which has a rest yet: without a question, which takes no longer than a few sums.
+    pure subroutine add_all_exactly(n, term, sum, rest)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: term(n)
+        real(wp), intent(inout) :: sum(n)
+        real(wp), intent(out) :: rest(n)
+        real(wp) :: total, added
+        integer :: i
+
+        do i = 1, n
+            total = sum(i) + term(i)
+            added = total - sum(i)
+            rest(i) = (sum(i) - (total - added)) + (term(i) - added)
+            sum(i) = total
+        end do
+    end subroutine add_all_exactly
 end module linkdyn_exact_sum

@@ -8,7 +8,7 @@ module linkdyn_whole_turns
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: whole_turns, take_off, with_turns, nearest_turns, told_turns, least_angle, has_vague_turn
+    public :: whole_turns, take_off, with_turns, nearest_turns, told_turns, least_angle, has_vague_turn, may_have_turns
 
     !> A turn in pieces of 30 bits, more than twice the digits of any kind of real.
     integer, parameter :: piece(0:7) = [6, 304067908, 280256794, 412666961, 470212838, 575800476, 71644134, 243286391]
@@ -28,12 +28,18 @@ contains
     !> The number of whole turns nearest to an angle: mostly none, which is told without a division and a call.
     elemental real(wp) function nearest_turns(angle) result(turns)
         real(wp), intent(in) :: angle      !! [rad]
-        real(wp), parameter :: surely_none = 3    ! less than half a turn
 
         turns = 0
-        ! written so that no number has no turns
-        if (.not. abs(angle) <= surely_none) turns = anint(angle/two_pi)
+        if (may_have_turns(angle)) turns = anint(angle/two_pi)
     end function nearest_turns
+
+    !> Is an angle, or no number, more than surely less than half a turn away from zero?
+    elemental logical function may_have_turns(angle)
+        real(wp), intent(in) :: angle      !! [rad]
+        real(wp), parameter :: surely_none = 3    ! less than half a turn
+
+        may_have_turns = .not. abs(angle) <= surely_none
+    end function may_have_turns
 
     !> The same of an angle that is told: half a turn is half a turn up, whichever way rounding has it. What is left is in
     !> (-pi, pi], but for rounding.

@@ -273,7 +273,7 @@ contains
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
-        real(wp), intent(inout) :: y(:, :)                      !! at self%t (lane, n)
+        real(wp), intent(inout), contiguous :: y(:, :)                      !! at self%t (lane, n)
         real(wp), intent(inout) :: y_end(:, :)                  !! at t_end, if it is there and not lost (lane, n)
         real(wp), intent(in), optional :: t_kink                !! t_end or later: steps end there and do not pass it
 
@@ -300,9 +300,9 @@ contains
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
-        real(wp), intent(inout) :: y(:, :)
+        real(wp), intent(inout), contiguous :: y(:, :)
         real(wp), parameter :: slack = 1.0e-6_wp    !! of a step: a span that is a whole number of steps but for rounding
-        real(wp) :: h, instant(lanes), length(lanes), kept(lanes, system%n)
+        real(wp) :: h, instant(lanes), length(lanes)
         logical :: failed(lanes)
         integer :: k, n_jump
 
@@ -323,16 +323,17 @@ contains
                 if (all(self%failed) .or. system%wants_rest) return
                 cycle
             end if
-            kept = y
             n_jump = system%n_jump
             instant = self%t
             length = h
             call rk4_step(system, instant, length, y, self%work, failed)
             call self%pause%note_work()
             self%n_evaluation = self%n_evaluation + 4
-            do k = 1, system%n
-                y(:, k) = merge(kept(:, k), y(:, k), self%failed)
-            end do
+            if (any(self%failed)) then
+                do k = 1, system%n
+                    y(:, k) = merge(self%work%begin(:, k), y(:, k), self%failed)
+                end do
+            end if
             self%failed = self%failed .or. failed
             self%i_step = self%i_step + 1
             self%t = self%span_start + self%i_step*h
@@ -341,7 +342,7 @@ contains
             if (all(self%failed)) return
             instant = self%t
             call system%accept(instant, y, .not. self%failed)
-            call undo_broken_steps(self, system, n_jump, kept, y)
+            call undo_broken_steps(self, system, n_jump, self%work%begin, y)
             if (all(self%failed)) return
             where (.not. self%failed) self%good_until = self%t
             call take_turns_off(self, system, y)

@@ -4,11 +4,11 @@
 module linkdyn_rk4
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_crossings, only: step_taken
-    use linkdyn_exact_sum, only: add_exactly
+    use linkdyn_exact_sum, only: add_all_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_whole_turns, only: whole_turns, take_off
+    use linkdyn_whole_turns, only: whole_turns, take_off, may_have_turns
     implicit none (type, external)
     private
     public :: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
@@ -16,6 +16,7 @@ module linkdyn_rk4
     !> Scratch of a step, and what goes from one to the next.
     type :: rk4_workspace
         real(wp), allocatable :: stage(:, :), rate(:, :), total(:, :)    !! (lane, n)
+        real(wp), allocatable :: begin(:, :)     !! where the step begins (lane, n)
         real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
     contains
         procedure :: prepare, take_turns_off
@@ -77,8 +78,8 @@ contains
         class(rk4_workspace), intent(inout) :: self
         integer, intent(in) :: n
 
-        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total, self%rest)
-        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%rest(lanes, n))
+        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total, self%begin, self%rest)
+        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%begin(lanes, n), self%rest(lanes, n))
         self%rest = 0
     end subroutine prepare
 
@@ -87,9 +88,15 @@ contains
         class(rk4_workspace), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(inout) :: y(:, :)             !! (lane, n)
-        real(wp) :: turns(lanes, size(y, 2))
+        real(wp), allocatable :: turns(:, :)
+        integer :: k, n_turned
 
         if (.not. allocated(system%is_angle)) return
+        n_turned = 0
+        do k = 1, size(y, 2)
+            if (system%is_angle(k)) n_turned = n_turned + count(may_have_turns(y(:, k)))
+        end do
+        if (n_turned == 0) return
         turns = merge(whole_turns(y), 0.0_wp, spread(system%is_angle, 1, lanes))
         if (all(turns == 0)) return
         call take_off(turns, y, self%rest)
@@ -101,36 +108,42 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: h(lanes)               !! step
-        real(wp), intent(inout) :: y(:, :)             !! (lane, n)
-        type(rk4_workspace), intent(inout) :: work
+        real(wp), intent(inout), contiguous :: y(:, :) !! (lane, n)
+        type(rk4_workspace), intent(inout) :: work     !! `begin` is where y was
         logical, intent(out) :: failed(lanes)
         real(wp), parameter :: weight(4) = [1.0_wp, 2.0_wp, 2.0_wp, 1.0_wp]
         real(wp), parameter :: part(4) = [0.0_wp, 0.5_wp, 0.5_wp, 1.0_wp]
-        integer, parameter :: rounding = 4             !! of instants, in units in the last place
+        real(wp), parameter :: rounding = 4*epsilon(1.0_wp)    !! of instants, part of them
         real(wp) :: instant(lanes)
         logical :: stage_failed(lanes)
-        integer :: i, k
+        integer :: i
 
         failed = .false.
+        call copy(system%n, y, work%begin)
+        call copy(system%n, y, work%stage)
         do i = 1, 4
-            if (i == 1) then
-                work%stage(:, :) = y
-            else
-                call go_ahead(system%n, part(i)*h, y, work%rate, work%stage)
-            end if
+            if (i > 1) call go_ahead(system%n, part(i)*h, work%begin, work%rate, work%stage)
             instant = t + part(i)*h
             ! what begins where the step ends is not part of it
-            if (i == 4) instant = max(t, instant - rounding*spacing(instant))
+            if (i == 4) instant = max(t, instant - rounding*abs(instant))
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
             if (i == 1) then
-                work%total(:, :) = work%rate
+                call copy(system%n, work%rate, work%total)
             else
-                work%total(:, :) = work%total + weight(i)*work%rate
+                call add_weighted(system%n, weight(i), work%rate, work%total)
             end if
         end do
-        call finish(system%n, h, work%total, work%rest, y, work%stage, failed)
+        call finish(system%n, h, work%begin, work%total, work%rest, y, failed)
     end subroutine rk4_step
+
+    pure subroutine copy(n, from, to)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: from(lanes, n)
+        real(wp), intent(inout) :: to(lanes, n)
+
+        to = from
+    end subroutine copy
 
     !> To a stage.
     pure subroutine go_ahead(n, h, y, rate, stage)
@@ -144,14 +157,22 @@ contains
         end do
     end subroutine go_ahead
 
+    pure subroutine add_weighted(n, weight, rate, total)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: weight, rate(lanes, n)
+        real(wp), intent(inout) :: total(lanes, n)
+
+        total = total + weight*rate
+    end subroutine add_weighted
+
     !> To the end of a step.
-    pure subroutine finish(n, h, total, rest, y, y_end, failed)
+    pure subroutine finish(n, h, begin, total, rest, y, failed)
         integer, intent(in) :: n
         real(wp), intent(in) :: h(lanes)
+        real(wp), intent(in) :: begin(lanes, n)
         real(wp), intent(inout) :: total(lanes, n)     !! six times the mean rate
         real(wp), intent(inout) :: rest(lanes, n)      !! to be added to y, less than its last place
         real(wp), intent(inout) :: y(lanes, n)
-        real(wp), intent(inout) :: y_end(lanes, n)     !! scratch
         logical, intent(inout) :: failed(lanes)
         real(wp) :: size_of_all(lanes)
         integer :: k
@@ -159,16 +180,15 @@ contains
         do k = 1, n
             total(:, k) = (h/6)*total(:, k) + rest(:, k)
         end do
-        y_end = y
-        rest = 0
-        call add_exactly(total, y_end, rest)
+        call add_all_exactly(lanes*n, total, y, rest)
         size_of_all = 0
         do k = 1, n
-            size_of_all = size_of_all + abs(y_end(:, k))
+            size_of_all = size_of_all + abs(y(:, k))
         end do
         failed = failed .or. .not. size_of_all <= huge(1.0_wp)
+        if (.not. any(failed)) return
         do k = 1, n
-            y(:, k) = merge(y(:, k), y_end(:, k), failed)
+            y(:, k) = merge(begin(:, k), y(:, k), failed)
         end do
     end subroutine finish
 end module linkdyn_rk4
