@@ -23,7 +23,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, is_far, longest_way, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
     !> method that controls its steps tries the like by the hundred.
@@ -289,7 +289,7 @@ contains
         doubtful = state%unreachable
         way = span_of(model, state, assembly%q, assembly%quaternion)
         do m = 1, merge(model%n_q, 0, model%n_branch > 0)      ! groups' corrections from the tangent tell
-            doubtful = doubtful .or. is_far(way(:, m), model%stride(m))
+            call note_far(lanes, spread(0.0_wp, 1, lanes), way(:, m), model%stride(m), doubtful)
         end do
         ahead = t - assembly%t
         call measure_margins(model, state, margin, drift)
@@ -315,11 +315,17 @@ contains
     end function longest_way
 
     !> Is a coordinate's way so far that its end does not tell of the assembly?
-    pure elemental logical function is_far(way, stride)
-        real(wp), intent(in) :: way, stride
+    pure subroutine note_far(n, accepted, tried, stride, are_far)
+        integer, intent(in) :: n                       !! lanes
+        real(wp), intent(in) :: accepted(n), tried(n)
+        real(wp), intent(in) :: stride
+        logical, intent(inout) :: are_far(n)
+        integer :: lane
 
-        is_far = abs(way) > farthest_told*stride
-    end function is_far
+        do lane = 1, n
+            are_far(lane) = merge(.true., are_far(lane), abs(tried(lane) - accepted(lane)) > farthest_told*stride)
+        end do
+    end subroutine note_far
 
     !> May a map have left its assembly on the steps to states tried, one a lane?
     pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
@@ -370,7 +376,7 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(lanes)               !! [s]
         logical, intent(in) :: is_accepted(lanes)
-        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
         real(wp), intent(in) :: drift(:, :)            !! of the closed forms [1/s] (lane, n_branch)
         real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
         real(wp), intent(in) :: column(:, :, :)        !! likewise, rates (link_freedom, n_link, n_q)
@@ -401,60 +407,59 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(lanes)               !! [s]
         logical, intent(in) :: goes(lanes)             !! other lanes stay where they are
-        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
-        real(wp), intent(inout) :: drift(:, :)         !! its rate [1/s]; that of groups is found here (lane, n_map)
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(inout), contiguous :: drift(:, :)         !! its rate [1/s]; that of groups is found here (lane, n_map)
         type(carried_assembly), intent(inout) :: assembly
-        integer :: g, i, k, l, m
+        integer :: g, i, m
 
         do m = model%n_branch + 1, size(margin, 2)
             drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
         end do
-        where (goes)
-            assembly%t = t
-        end where
         call count_crossings(model, margin, goes, assembly)
         call forget_map_lost(model, margin, goes, assembly%map_lost)
+        call go_on(1, goes, t, assembly%t)
+        call go_on(size(margin, 2), goes, margin, assembly%margin)
+        call go_on(size(margin, 2), goes, drift, assembly%drift)
         associate (state => assembly%state)
-            do k = 1, model%n_q
-                where (goes) assembly%q(:, k) = state%q(:, k)
-            end do
-            do k = 1, model%n_attitude
-                assembly%quaternion(:, :, k) = merge(state%quaternion(:, :, k), assembly%quaternion(:, :, k), &
-                                                     spread(goes, 2, 4))
-            end do
-            do k = 1, model%n_branch
-                where (goes) assembly%branch(:, k) = state%branch(:, k)
-            end do
-            do m = 1, size(margin, 2)
-                where (goes)
-                    assembly%margin(:, m) = margin(:, m)
-                    assembly%drift(:, m) = drift(:, m)
-                end where
-            end do
+            call go_on(model%n_q, goes, state%q, assembly%q)
+            call go_on(4*model%n_attitude, goes, state%quaternion, assembly%quaternion)
+            call go_on(model%n_branch, goes, state%branch, assembly%branch)
             do g = 1, size(model%group)
                 do i = 1, size(model%group(g)%link)
-                    l = model%group(g)%link(i)
-                    do k = 1, size(assembly%place, 2)
-                        where (goes) assembly%place(:, k, l) = state%group%place(:, k, l)
-                    end do
+                    associate (l => model%group(g)%link(i))
+                        call go_on(size(assembly%place, 2), goes, state%group%place(:, :, l), assembly%place(:, :, l))
+                    end associate
                 end do
             end do
         end associate
     end subroutine go_on_to_state
 
+    !> Numbers of the lanes that go are what they have come to.
+    pure subroutine go_on(n, goes, come_to, x)
+        integer, intent(in) :: n
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: come_to(lanes, n)
+        real(wp), intent(inout) :: x(lanes, n)
+        integer :: k
+
+        do k = 1, n
+            x(:, k) = merge(come_to(:, k), x(:, k), goes)
+        end do
+    end subroutine go_on
+
     !> Change points passed by an accepted step.
     subroutine count_crossings(model, margin, goes, assembly)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
         logical, intent(in) :: goes(lanes)
         type(carried_assembly), intent(inout) :: assembly
-        real(wp) :: least(n_map(model))
         integer :: m
 
         where (goes) assembly%n_crossed = assembly%n_crossed + crossed(model, assembly, margin)
-        least = model%least_margin
-        do m = 1, size(least)
-            where (goes .and. abs(margin(:, m)) > least(m)) assembly%side(:, m) = margin(:, m)
+        do m = 1, size(margin, 2)
+            associate (least => model%least_margin(m))
+                call go_on(1, goes .and. abs(margin(:, m)) > least, margin(:, m), assembly%side(:, m))
+            end associate
         end do
     end subroutine count_crossings
 
@@ -464,19 +469,32 @@ contains
     pure function crossed(model, assembly, margin) result(n)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
-        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
         integer :: n(lanes)
-        logical :: is_crossed(lanes, n_map(model))
-        integer :: lane
+        integer :: n_seen(lanes)                       ! maps that are on their other sides
+        integer :: lane, m
 
-        is_crossed = abs(margin) > spread(model%least_margin, 1, lanes) .and. assembly%side*margin < 0
         n = assembly%n_crossed_tried
+        n_seen = 0
+        do m = 1, size(margin, 2)
+            n_seen = n_seen + merge(1, 0, is_crossed(assembly%side(:, m), margin(:, m), model%least_margin(m)))
+        end do
+        if (all(n_seen == 0)) return
         do lane = 1, lanes
-            if (.not. any(is_crossed(lane, :))) cycle
-            n(lane) = max(n(lane), number_of_places(pack(assembly%side(lane, :), is_crossed(lane, :)), &
-                                                    pack(margin(lane, :), is_crossed(lane, :))))
+            if (n_seen(lane) == 0) cycle
+            associate (side => assembly%side(lane, :), now => margin(lane, :))
+                n(lane) = max(n(lane), number_of_places(pack(side, is_crossed(side, now, model%least_margin)), &
+                                                        pack(now, is_crossed(side, now, model%least_margin))))
+            end associate
         end do
     end function crossed
+
+    !> Is a margin that can be told from zero on the other side of it?
+    elemental logical function is_crossed(side, margin, least)
+        real(wp), intent(in) :: side, margin, least
+
+        is_crossed = abs(margin) > least .and. side*margin < 0
+    end function is_crossed
 
     !> At how many places margins change their signs between two states, as far as straight lines can tell.
     pure integer function number_of_places(before, now) result(n)

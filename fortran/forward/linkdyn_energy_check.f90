@@ -112,8 +112,12 @@ contains
         real(wp), parameter :: far = 0.3_wp            !! and at which a step leads to no other assembly
         real(wp), dimension(lanes) :: error, margin, bound
         logical :: is_near(lanes)
+        integer :: m
 
-        margin = minval(abs(assembly%margin), dim=2)
+        margin = huge(1.0_wp)
+        do m = 1, size(assembly%margin, 2)
+            margin = min(margin, abs(assembly%margin(:, m)))
+        end do
         is_near = min(margin, check%margin) < near .or. assembly%n_crossed > check%n_crossed
         error = max(abs(check%gained) - rounding*check%resolved, 0.0_wp)/max(check%moved, tiny(1.0_wp))
         bound = merge(gross_far, gross, min(margin, check%margin) > far .and. assembly%n_crossed == check%n_crossed)

@@ -72,9 +72,9 @@ contains
         if (all(gone <= near_strides*self%model%stride) .and. all(abs(length*self%assembly%drift(1, :)) <= near_change)) return
         if (self%looks%is_usable .and. size(self%model%group) == 0) then
             call see_way(self%model, self%layout, t, y, self%turns, self%assembly, self%looks)
-            associate (seen => self%looks%of_lanes)
-                if (seen%counts) call find_part_of_margins(self%model%least_margin, seen%margin, seen%drift, self%model%n_branch, &
-                                                           length, part)
+            associate (seen => self%looks%of_lanes, out => self%looks%record%recorded%look, n => self%model%n_branch)
+                if (seen%counts) call find_part_of_margins(self%model%least_margin, seen%value(:, out%margin:out%margin + n - 1), &
+                                                           seen%value(:, out%drift:out%drift + n - 1), n, length, part)
                 if (seen%counts .or. self%n_left == 0) return
             end associate
         end if

@@ -6,8 +6,8 @@ module linkdyn_forward_look
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch
     use linkdyn_carried_assembly, only: carried_assembly, note_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
-    use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, close_near, &
-        is_led_there, leave_far
+    use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, place_still, &
+        close_near, is_led_there, leave_far
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
@@ -15,8 +15,10 @@ module linkdyn_forward_look
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_look_program, only: look_choice
     use linkdyn_model, only: model_type
-    use linkdyn_recorded_rates, only: recorded_rates, run_looks
+    use linkdyn_recorded_rates, only: recorded_rates, run_looks, run_looks_on_lanes, wire_looks
     use linkdyn_scene, only: joint_n_variable
+    use linkdyn_scene_program, only: input_wiring
+    use linkdyn_state_wires, only: columns_of_states
     use linkdyn_turns, only: turns_by_itself
     implicit none (type, external)
     private
@@ -25,8 +27,7 @@ module linkdyn_forward_look
 
     !> What has been seen of a state on each lane.
     type :: seen_lanes
-        real(wp), dimension(lanes) :: energy = 0, kinetic = 0  !! [J]
-        real(wp), allocatable :: margin(:, :), drift(:, :)     !! of the closed forms; rates [1/s] (lane, n_branch)
+        real(wp), allocatable :: value(:, :)           !! as `look_outputs` tells (lane, value)
         logical :: counts = .false.                    !! else the record is not sure of one
     end type seen_lanes
 
@@ -38,6 +39,7 @@ module linkdyn_forward_look
         real(wp), allocatable, private :: y(:)         !! (n)
         integer, allocatable, private :: angle(:)      !! joint variables that are seen as angles
         logical, allocatable, private :: by_nobody(:)  !! drives whose forces somebody gives: none (n_actuator)
+        type(input_wiring), private :: by_columns      !! from where states come that are looked at on lanes
         type(seen_lanes) :: of_lanes
     end type forward_look
 
@@ -103,7 +105,8 @@ contains
         call use_forward_rates(model, layout, recorded, .false., .false., look%record)
         look%angle = angles_seen(model)
         look%by_nobody = spread(.false., 1, model%n_actuator)
-        allocate (look%of_lanes%margin(lanes, model%n_branch), look%of_lanes%drift(lanes, model%n_branch))
+        call wire_looks(recorded, columns_of_states(model, look%record%wires), look%by_columns)
+        allocate (look%of_lanes%value(lanes, recorded%look%n))
     end subroutine use_looks
 
     !> Which joint variables are seen as angles.
@@ -185,7 +188,8 @@ contains
     subroutine see_lanes(model, layout, t, y, turns, matters, assembly, look)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
         logical, intent(in) :: matters(lanes)
         type(carried_assembly), intent(in) :: assembly
@@ -198,13 +202,13 @@ contains
         ahead = t - assembly%t
         doubtful = look%record%samples%is_left(:lanes)
         call leave_far(model, layout, assembly, lanes, y, doubtful)
-        associate (seen => look%of_lanes)
+        associate (seen => look%of_lanes%value, out => look%record%recorded%look)
             do m = 1, model%n_branch
                 call note_doubt(lanes, model%scene%passes_change_points, model%least_margin(m), assembly%margin(:, m), &
-                                assembly%drift(:, m), seen%margin(:, m), seen%drift(:, m), ahead, doubtful)
+                                assembly%drift(:, m), seen(:, out%margin + m - 1), seen(:, out%drift + m - 1), ahead, doubtful)
             end do
-            seen%counts = .not. any(doubtful .and. matters)
         end associate
+        look%of_lanes%counts = .not. any(doubtful .and. matters)
     end subroutine see_lanes
 
     !> The same of places along one way, the first of which is on the accepted assembly. Nothing of it counts unless each next place is as
@@ -212,7 +216,8 @@ contains
     subroutine see_way(model, layout, t, y, turns, assembly, look)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
         type(carried_assembly), intent(in) :: assembly
         type(forward_look), intent(inout) :: look
@@ -224,35 +229,33 @@ contains
         call look_at_lanes(model, layout, t, y, turns, assembly, look)
         step = t(2:) - t(:n_step)
         doubtful = look%record%samples%is_left(2:lanes)
-        associate (seen => look%of_lanes)
+        associate (seen => look%of_lanes%value, out => look%record%recorded%look)
             do m = 1, model%n_branch
-                call note_doubt(n_step, .false., model%least_margin(m), seen%margin(:n_step, m), seen%drift(:n_step, m), &
-                                seen%margin(2:, m), seen%drift(2:, m), step, doubtful)
+                associate (margin => seen(:, out%margin + m - 1), drift => seen(:, out%drift + m - 1))
+                    call note_doubt(n_step, .false., model%least_margin(m), margin(:n_step), drift(:n_step), margin(2:), &
+                                    drift(2:), step, doubtful)
+                end associate
             end do
-            seen%counts = .not. (any(doubtful) .or. look%record%samples%is_left(1))
         end associate
+        look%of_lanes%counts = .not. (any(doubtful) .or. look%record%samples%is_left(1))
     end subroutine see_way
 
     subroutine look_at_lanes(model, layout, t, y, turns, assembly, look)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        real(wp), intent(in) :: t(lanes), y(:, :)      !! [s], (lane, n)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         real(wp), intent(in) :: turns(:, :)
         type(carried_assembly), intent(in) :: assembly
         type(forward_look), intent(inout) :: look
-        integer :: m
 
         look%is_there = .false.
-        call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
-        call run_looks(look%record%recorded, lanes, look%record%samples)
-        associate (seen => look%of_lanes, values => look%record%samples%seen, out => look%record%recorded%look)
-            seen%energy = values(out%energy, :lanes)
-            seen%kinetic = values(out%kinetic, :lanes)
-            do m = 1, model%n_branch
-                seen%margin(:, m) = values(out%margin + m - 1, :lanes)
-                seen%drift(:, m) = values(out%drift + m - 1, :lanes)
-            end do
-        end associate
+        if (look%record%motion_stands_still) then
+            call place_still(model, assembly, lanes, y, look%record)
+        else
+            call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
+        end if
+        call run_looks_on_lanes(look%record%recorded, look%by_columns, y, look%record%samples, look%of_lanes%value)
     end subroutine look_at_lanes
 
     !> Energies of the state of which the run's record has just found the rates, and of some very near to it. The first is the state

@@ -81,11 +81,12 @@ contains
                                       wraps_anywhere(self%angles))
         if (.not. is_done) return
         call see_lanes(self%model, self%layout, t, y, self%turns, is_accepted, self%assembly, self%looks)
-        associate (seen => self%looks%of_lanes)
-            is_done = seen%counts
-            if (.not. is_done) return
-            call accept_seen(self%model, t, is_accepted, seen%margin, seen%drift, no_place, no_column, self%assembly)
-            call weigh_energy(seen%energy, seen%kinetic, y(:, self%layout%supplied), self%energy)
+        is_done = self%looks%of_lanes%counts
+        if (.not. is_done) return
+        associate (seen => self%looks%of_lanes%value, out => self%looks%record%recorded%look, n => self%model%n_branch)
+            call accept_seen(self%model, t, is_accepted, seen(:, out%margin:out%margin + n - 1), &
+                             seen(:, out%drift:out%drift + n - 1), no_place, no_column, self%assembly)
+            call weigh_energy(seen(:, out%energy), seen(:, out%kinetic), y(:, self%layout%supplied), self%energy)
         end associate
     end procedure accept_lanes_by_look
 

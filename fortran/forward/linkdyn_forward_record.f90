@@ -2,7 +2,7 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, is_far
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, note_far
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
@@ -45,8 +45,9 @@ module linkdyn_forward_record
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
-        type(state_wires), private :: wires
+        type(state_wires) :: wires
         logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as they are
+        logical :: motion_stands_still = .false.       !! time changes nothing, nor do turns: states and branches alone tell the motion
         logical :: stands_still = .false.              !! nothing in the samples but branches changes from one evaluation to the next
         type(input_wiring), private :: wiring
         type(law_instants), private :: instant         !! of the samples
@@ -157,8 +158,9 @@ contains
         record%by_columns = by_columns .and. .not. (recorded%measures%is_made .or. recorded%friction%is_made &
                                                     .or. places_groups(recorded))
         if (record%by_columns) call wire_inputs(recorded%program, columns_of_states(model, record%wires), record%wiring)
-        record%stands_still = record%by_columns .and. .not. (is_driven .or. hangs_on_more(model, layout, record))
-        if (record%stands_still) call look_at_laws(model, layout, spread(0.0_wp, 1, lanes), record)
+        record%motion_stands_still = .not. hangs_on_more(model, layout, record)
+        record%stands_still = record%by_columns .and. record%motion_stands_still .and. .not. is_driven
+        if (record%motion_stands_still) call look_at_laws(model, layout, spread(0.0_wp, 1, lanes), record)
     end subroutine use_forward_rates
 
     !> Do inputs that are no states change on the way, with time or with turns?
@@ -550,15 +552,12 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         logical, intent(inout) :: is_left(:)           !! (lane)
-        integer :: k, lane
+        integer :: k
 
         if (model%n_branch == 0) return
         do k = 1, model%n_q
             associate (p => layout%position(k))
-                if (p == 0) cycle
-                do lane = 1, n
-                    is_left(lane) = is_left(lane) .or. is_far(y(lane, p) - assembly%q(lane, k), model%stride(k))
-                end do
+                if (p > 0) call note_far(n, assembly%q(:, k), y(:, p), model%stride(k), is_left)
             end associate
         end do
     end subroutine leave_far

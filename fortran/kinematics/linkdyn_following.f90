@@ -393,19 +393,19 @@ contains
         real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates per unit of the steps
         real(wp), intent(in) :: step(n)
         logical, intent(inout) :: is_doubtful(n)
-        real(wp) :: against(lanes)                          !! 0: nothing speaks against it
+        real(wp) :: against(lanes)                          !! 0: nothing speaks against it; numbers, reckoned with side by side
         integer :: lane
 
         do lane = 1, n
             associate (leads_to => before(lane)*(before(lane) + look_ahead*(step(lane)*drift_before(lane))), &
                        comes_from => now(lane)*(now(lane) - look_ahead*(step(lane)*drift_now(lane))))
-                against(lane) = merge(merge(0.0_wp, 1.0_wp, leads_to > 0) + merge(1.0_wp, 0.0_wp, before(lane)*now(lane) < 0), &
-                                      0.0_wp, abs(before(lane)) > least_margin) &
-                                + merge(merge(0.0_wp, 1.0_wp, comes_from > 0), 0.0_wp, abs(now(lane)) > least_margin)
+                against(lane) = merge(1.0_wp, 0.0_wp, abs(before(lane)) > least_margin) &
+                                *(merge(0.0_wp, 1.0_wp, leads_to > 0) + merge(1.0_wp, 0.0_wp, before(lane)*now(lane) < 0)) &
+                                + merge(1.0_wp, 0.0_wp, abs(now(lane)) > least_margin)*merge(0.0_wp, 1.0_wp, comes_from > 0)
             end associate
         end do
         do lane = 1, n
-            is_doubtful(lane) = is_doubtful(lane) .or. against(lane) > 0
+            is_doubtful(lane) = merge(.true., is_doubtful(lane), against(lane) > 0)
         end do
     end subroutine doubt_unsound
 end module linkdyn_following

@@ -24,7 +24,7 @@ module linkdyn_recorded_rates
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
-        run_rates, apply_laws, run_looks
+        run_rates, apply_laws, run_looks, wire_looks, run_looks_on_lanes
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
@@ -338,4 +338,27 @@ contains
                                                                 .and. samples%seen(recorded%look%reach, i) > 0)
         end do
     end subroutine run_looks
+
+    !> States come in columns to whoever looks at lanes of them.
+    subroutine wire_looks(recorded, column, wiring)
+        type(recorded_rates), intent(in) :: recorded
+        type(column_list), intent(in) :: column(n_block)
+        type(input_wiring), intent(out) :: wiring
+
+        call wire_inputs(recorded%looks, column, wiring)
+    end subroutine wire_looks
+
+    !> The same of a whole block of lanes, of which states come in columns, and what is seen goes to columns.
+    subroutine run_looks_on_lanes(recorded, wiring, columns, samples, seen)
+        type(recorded_rates), intent(in) :: recorded
+        type(input_wiring), intent(in) :: wiring
+        real(wp), intent(in), contiguous :: columns(:, :)      !! that it speaks of (lane, column)
+        type(rate_samples), intent(inout), target :: samples
+        real(wp), intent(inout), contiguous :: seen(:, :)      !! (lane, value)
+
+        call run_wired(recorded%looks, wiring, samples%arrays, samples%are_new, size(columns, 1), columns, size(columns, 1), &
+                       samples%one_seen, samples%block_seen, size(seen, 1), seen, samples%is_left)
+        samples%are_new = .false.
+        samples%is_left = samples%is_left .or. .not. (seen(:, recorded%look%alarm) <= 1 .and. seen(:, recorded%look%reach) > 0)
+    end subroutine run_looks_on_lanes
 end module linkdyn_recorded_rates
