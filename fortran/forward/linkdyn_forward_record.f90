@@ -15,6 +15,7 @@ module linkdyn_forward_record
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_sizes, only: sizes_on_lanes
     use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants
     use linkdyn_led_groups, only: lead_places
     use linkdyn_look_program, only: look_choice
@@ -328,20 +329,15 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         logical, intent(inout) :: is_left(:)
-        real(wp) :: total(lanes)
-        integer :: k, lane
+        integer :: lane
 
-        if (n == 1) then
-            is_left(1) = .not. sum(abs(y(1, :))) <= huge(1.0_wp)
-            return
-        end if
-        total(:n) = 0
-        do k = 1, size(y, 2)
+        if (n == lanes) then
+            is_left = .not. sizes_on_lanes(size(y, 2), y) <= huge(1.0_wp)
+        else
             do lane = 1, n
-                total(lane) = total(lane) + abs(y(lane, k))
+                is_left(lane) = .not. sum(abs(y(lane, :))) <= huge(1.0_wp)
             end do
-        end do
-        is_left(:n) = .not. total(:n) <= huge(1.0_wp)
+        end if
     end subroutine leave_no_number
 
     !> What depends on time alone, at the instants of the first samples.
@@ -666,8 +662,8 @@ contains
 
         associate (found => record%samples%found, first => record%recorded%out%acceleration)
             do k = 1, size(acceleration, 2)
-                acceleration(:, k) = found(n, first + k - 1)
-                if (n > 1) acceleration(:n, k) = found(:n, first + k - 1)
+                acceleration(:n, k) = found(:n, first + k - 1)
+                acceleration(n + 1:, k) = found(n, first + k - 1)
             end do
             call rates_of_states(record%wires, n, y, found, rate)
         end associate

@@ -634,10 +634,10 @@ contains
             if (self%has_cylinders) is_left(:n) = is_left(:n) .or. self%cylinders%impossible(:n) > 0
             is_left(n + 1:) = is_left(n)
         end associate
-        if (any(is_left)) then
+        if (any(is_left .and. .not. self%is_idle)) then
             call evaluate_rest(self, t, y, is_left, rate, failed)
         else
-            failed = .false.
+            failed = is_left
             call note_evaluated(self, t(1), y(1, :))
         end if
     end subroutine evaluate_forward

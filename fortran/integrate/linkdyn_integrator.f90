@@ -318,6 +318,7 @@ contains
         h = (t_end - self%span_start)/self%n_span
         do while (self%i_step < self%n_span)
             if (must_pause(self)) return
+            system%is_idle = self%failed
             if (system%n_guard > 0) then
                 call step_watching(self, system, h, t_end, y)
                 if (all(self%failed) .or. system%wants_rest) return

@@ -10,6 +10,7 @@ module linkdyn_lane_system
     type, abstract :: lane_system
         integer :: n = 0                                  !! components of y
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
+        logical :: is_idle(lanes) = .false.               !! lanes whose solutions go no further: nobody looks at these either
         integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
         real(wp) :: span = 0                              !! how long the run is to be; 0: not known
         logical :: may_leap = .false.                     !! stages may leap over what f does within a step: see `part_in_sight`

@@ -7,6 +7,7 @@ module linkdyn_rk4
     use linkdyn_exact_sum, only: add_all_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_sizes, only: sizes_on_lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_whole_turns, only: whole_turns, take_off, may_have_turns
     implicit none (type, external)
@@ -174,18 +175,13 @@ contains
         real(wp), intent(inout) :: rest(lanes, n)      !! to be added to y, less than its last place
         real(wp), intent(inout) :: y(lanes, n)
         logical, intent(inout) :: failed(lanes)
-        real(wp) :: size_of_all(lanes)
         integer :: k
 
         do k = 1, n
             total(:, k) = (h/6)*total(:, k) + rest(:, k)
         end do
         call add_all_exactly(lanes*n, total, y, rest)
-        size_of_all = 0
-        do k = 1, n
-            size_of_all = size_of_all + abs(y(:, k))
-        end do
-        failed = failed .or. .not. size_of_all <= huge(1.0_wp)
+        failed = failed .or. .not. sizes_on_lanes(n, y) <= huge(1.0_wp)
         if (.not. any(failed)) return
         do k = 1, n
             y(:, k) = merge(begin(:, k), y(:, k), failed)

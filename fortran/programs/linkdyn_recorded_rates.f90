@@ -257,10 +257,11 @@ contains
                            samples%block, size(samples%found, 1), samples%found, samples%is_left)
         end if
         ! Written so that what is no number counts as an alarm.
-        do i = 1, n
-            samples%is_left(i) = samples%is_left(i) .or. .not. (samples%found(i, recorded%out%alarm) <= 1 &
-                                                                .and. samples%found(i, recorded%out%reach) > 0)
-        end do
+        associate (alarm => samples%found(:, recorded%out%alarm), reach => samples%found(:, recorded%out%reach))
+            do i = 1, n
+                samples%is_left(i) = merge(samples%is_left(i), .true., alarm(i) <= 1 .and. reach(i) > 0)
+            end do
+        end associate
     end subroutine run_rates
 
     !> The same where something rubs: what presses is settled first.
