@@ -1019,6 +1019,7 @@ contains
             options%t_start = t(1)
             options%integrator%span = t(n_t) - t(1)
             options%threads = threads
+            options%shared => scene%shared
             call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status, log)
             n_event = log%n
             n_q = scene%model%n_q

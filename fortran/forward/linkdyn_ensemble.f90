@@ -5,7 +5,7 @@ module linkdyn_ensemble
     use linkdyn_event_log, only: event_log, event_entry, add_entry
     use linkdyn_forward_course, only: start_integrator, go_to
     use linkdyn_forward_phase, only: forward_options, rates_by_record
-    use linkdyn_forward_record, only: evaluations_before_record
+    use linkdyn_forward_record, only: evaluations_before_record, evaluations_on_lanes
     use linkdyn_forward_run, only: forward_run, finish_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates
     use linkdyn_forward_system, only: forward_system, build_forward_system
@@ -53,7 +53,11 @@ contains
         if (.not. status%is_ok()) return
         n_block = (size(q_start, 2) + lanes - 1)/lanes
         nullify (shared)
-        call hold_programs(shared)
+        if (associated(options%shared)) then
+            call hold_programs(shared, options%shared)
+        else
+            call hold_programs(shared)
+        end if
         call make_shared_record(status)
         if (.not. status%is_ok()) n_block = 0
         allocate (of_block(n_block))
@@ -72,7 +76,8 @@ contains
 
     contains
 
-        !> One record for all blocks, if they evaluate often enough.
+        !> One record for all blocks, if they evaluate often enough: that of the scene's single runs, if somebody shares it. It finds the
+        !> work, too, which these need.
         subroutine make_shared_record(status)
             type(status_type), intent(inout) :: status
             integer, parameter :: evaluations_a_step = 4
@@ -81,11 +86,12 @@ contains
 
             if (.not. rates_by_record(options) .or. size(t) == 0) return
             n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
-            if (.not. n_evaluation > evaluations_before_record(model)) return
+            associate (least => merge(evaluations_on_lanes(model), evaluations_before_record(model), associated(options%shared)))
+                if (.not. n_evaluation > least) return
+            end associate
             call hold_programs(teller%shared, shared)
             call build_forward_system(model, options%stage_solver, teller, status)
             if (.not. status%is_ok()) return
-            teller%wants_work = follows_assembly(model)
             allocate (y(lanes, teller%n))
             call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
             call teller%begin(options%t_start, y)
