@@ -4,7 +4,7 @@ module linkdyn_motion
     use linkdyn_given_attitudes, only: take_attitudes
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
+    use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants, motion_at_instants
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_over
     use linkdyn_table, only: table_place, find_places, attitude_at
@@ -37,7 +37,7 @@ contains
         end associate
     end subroutine sample_times
 
-    !> Coordinates with derivatives, and the components of all loads. A coordinate without a law rests at its start.
+    !> Coordinates with derivatives, and the components of all loads.
     !>
     !> Where tables of quaternions lead an attitude near its pole, the rates of its angles are not numbers. Who can go by the
     !> attitude itself asks for it, and gets them as well as they are known.
@@ -56,16 +56,8 @@ contains
             last = min(size(t), first + most_instants - 1)
             call set_instants(instants, t(first:last))
             do k = 1, model%n_q
-                associate (coordinate => model%scene%coordinate(k))
-                    if (coordinate%motion%kind == law_none) then
-                        q(k, first:last) = coordinate%start_position
-                        qd(k, first:last) = 0
-                        qdd(k, first:last) = 0
-                    else
-                        call evaluate_at_instants(coordinate%motion, instants, q(k, first:last), qd(k, first:last), &
-                                                  qdd(k, first:last))
-                    end if
-                end associate
+                call motion_at_instants(model%scene%coordinate(k), instants, q(k, first:last), qd(k, first:last), &
+                                        qdd(k, first:last))
             end do
         end do
         call evaluate_loads(model, t, load)

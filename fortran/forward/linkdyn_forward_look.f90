@@ -99,8 +99,7 @@ contains
         type(recorded_rates), intent(in) :: recorded
         type(forward_look), intent(out) :: look
 
-        look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. wants_looks(model) &
-                         .and. size(recorded%model%group) == size(model%group)
+        look%is_usable = recorded%is_usable .and. recorded%looks%is_made .and. wants_looks(model)
         if (.not. look%is_usable) return
         call use_forward_rates(model, layout, recorded, .false., .false., look%record)
         look%angle = angles_seen(model)

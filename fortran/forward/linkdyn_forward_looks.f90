@@ -57,20 +57,27 @@ contains
 
     !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were found.
     module procedure accept_by_look
-        real(wp), dimension(lanes) :: energy, kinetic
-
         associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)
             associate (seen => record%samples%seen(:, 1))
                 call accept_recorded(self%model, t, seen(out%margin:out%margin + n - 1), seen(out%drift:out%drift + n - 1), &
                                      record, self%assembly, is_done)
-                energy = seen(out%energy)
-                kinetic = seen(out%kinetic)
             end associate
         end associate
+        if (is_done) is_done = weighs_by_look(self, t, y)
+    end procedure accept_by_look
+
+    module procedure weighs_by_look
+        real(wp), dimension(lanes) :: energy, kinetic
+
+        is_done = self%lanes_are_one .and. is_seen(self%looks, t(1), y(1, :))
         if (.not. is_done) return
+        associate (out => self%looks%record%recorded%look, seen => self%looks%record%samples%seen(:, 1))
+            energy = seen(out%energy)
+            kinetic = seen(out%kinetic)
+        end associate
         call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
         call note_record(t(1), y(1, :), self%turns, self%energy)
-    end procedure accept_by_look
+    end procedure weighs_by_look
 
     !> The same of states that differ from lane to lane, of which the record sees nothing but assemblies and energies.
     module procedure accept_lanes_by_look

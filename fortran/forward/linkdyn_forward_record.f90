@@ -16,7 +16,7 @@ module linkdyn_forward_record
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_sizes, only: sizes_on_lanes
-    use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants
+    use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants, motion_at_instants
     use linkdyn_led_groups, only: lead_places
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
@@ -365,8 +365,8 @@ contains
             call fill(samples%target)
             do k = 1, model%n_q
                 if (layout%rate(k) > 0) cycle
-                call evaluate_at_instants(model%scene%coordinate(k)%motion, record%instant, samples%q(k, :n), samples%qd(k, :n), &
-                                          samples%qdd(k, :n))
+                call motion_at_instants(model%scene%coordinate(k), record%instant, samples%q(k, :n), samples%qd(k, :n), &
+                                        samples%qdd(k, :n))
                 if (n == size(t)) cycle
                 call fill(samples%q(k:k, :))
                 call fill(samples%qd(k:k, :))

@@ -244,6 +244,13 @@ module linkdyn_forward_system
             logical, intent(in) :: is_accepted(lanes)
         end function accept_by_look
 
+        !> The energy of an accepted state that the record has seen, though it does not know where the groups' links are.
+        module logical function weighs_by_look(self, t, y) result(is_done)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+        end function weighs_by_look
+
         module logical function accept_lanes_by_look(self, t, y, is_accepted) result(is_done)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -925,8 +932,10 @@ contains
             if (.not. is_seen) is_seen = accept_lanes_by_look(self, t, y, is_accepted)
             if (.not. is_seen) then
                 call accept_assembly(self%model, t, is_accepted, self%assembly)
-                call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
-                call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+                if (.not. weighs_by_look(self, t, y)) then
+                    call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
+                    call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+                end if
             end if
         end if
         if (self%bounce%is_on .and. is_seen) then

@@ -6,13 +6,13 @@ module linkdyn_laws
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
-    use linkdyn_scene, only: scene_type, law_spec, law_none, law_constant_rate, law_cycloidal_start, law_cycloidal, &
-        law_polynomial_345, law_harmonic, law_table
+    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, law_none, law_constant_rate, law_cycloidal_start, &
+        law_cycloidal, law_polynomial_345, law_harmonic, law_table
     use linkdyn_table, only: table_place, find_places, evaluate_table, interval_of
     implicit none (type, external)
     private
     public :: evaluate_law, start_of_coordinate, law_instants, most_instants, set_instants, evaluate_at_instants, &
-        have_same_course, law_end, law_kinks
+        motion_at_instants, have_same_course, law_end, law_kinks
 
     integer, parameter :: most_instants = 64   !! some kilobytes of places: they stay in the first cache
 
@@ -158,6 +158,21 @@ contains
             end do
         end associate
     end subroutine evaluate_at_instants
+
+    !> A coordinate's motion at all these instants: one without a law rests at its start.
+    pure subroutine motion_at_instants(coordinate, instants, q, qd, qdd)
+        type(coordinate_spec), intent(in) :: coordinate
+        type(law_instants), intent(inout) :: instants
+        real(wp), intent(out) :: q(:), qd(:), qdd(:)   !! (n)
+
+        if (coordinate%motion%kind == law_none) then
+            q = coordinate%start_position
+            qd = 0
+            qdd = 0
+        else
+            call evaluate_at_instants(coordinate%motion, instants, q, qd, qdd)
+        end if
+    end subroutine motion_at_instants
 
     !> Do two laws the same in the same time, if in other sizes? Only of laws whose courses cost something.
     pure logical function have_same_course(a, b)
