@@ -831,32 +831,50 @@ contains
     subroutine solve_densely(equations, workspace)
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        integer :: lane, k
+        real(wp) :: rcond, error
+        integer :: lane
         logical :: is_singular
 
+        do lane = 1, workspace%n_used
+            if (.not. workspace%is_left(lane) .or. workspace%status(lane) /= sample_ok) cycle
+            call solve_one_densely(equations, lane, workspace, rcond, error, is_singular)
+            if (workspace%status(lane) /= sample_ok) cycle
+            if (is_singular) workspace%status(lane) = sample_singular
+            workspace%rcond(lane) = rcond
+            workspace%error(lane) = error
+            workspace%numbers%of(in_unknown)%x(lane, :equations%kernels%form%n) = workspace%lane_right
+        end do
+    end subroutine solve_densely
+
+    !> One lane; the solution is left in the workspace's `lane_right`. What is not finite is flagged.
+    subroutine solve_one_densely(equations, lane, workspace, rcond, error, is_singular)
+        type(equations_type), intent(in) :: equations
+        integer, intent(in) :: lane
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp), intent(out) :: rcond, error          !! 0 if it is not finite
+        logical, intent(out) :: is_singular
+        integer :: k
+
+        rcond = 0
+        error = 0
+        is_singular = .false.
         associate (form => equations%kernels%form, found => workspace%of_matrix%found)
             if (.not. allocated(workspace%lane_matrix)) then   ! large systems have none to spare
                 allocate (workspace%lane_matrix(form%n, form%n), workspace%lane_right(form%n))
                 call workspace%dense%prepare(form%n)
             end if
-            do lane = 1, workspace%n_used
-                if (.not. workspace%is_left(lane) .or. workspace%status(lane) /= sample_ok) cycle
-                call fill_matrix(form, found(lane, :), workspace%lane_matrix)
-                workspace%lane_right = 0
-                do k = 1, form%n
-                    if (form%right(k) > 0) workspace%lane_right(k) = found(lane, form%right(k))
-                end do
-                if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
-                    workspace%status(lane) = sample_undefined
-                    cycle
-                end if
-                call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &
-                                 workspace%error(lane), is_singular)
-                if (is_singular) workspace%status(lane) = sample_singular
-                workspace%numbers%of(in_unknown)%x(lane, :form%n) = workspace%lane_right
+            call fill_matrix(form, found(lane, :), workspace%lane_matrix)
+            workspace%lane_right = 0
+            do k = 1, form%n
+                if (form%right(k) > 0) workspace%lane_right(k) = found(lane, form%right(k))
             end do
         end associate
-    end subroutine solve_densely
+        if (all(ieee_is_finite(workspace%lane_matrix)) .and. all(ieee_is_finite(workspace%lane_right))) then
+            call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, rcond, error, is_singular)
+        else
+            workspace%status(lane) = sample_undefined
+        end if
+    end subroutine solve_one_densely
 
     !> Matrix and right-hand sides of all lanes side by side.
     subroutine fill_lanes(equations, workspace, place)
@@ -896,24 +914,50 @@ contains
     subroutine solve_by_gauss_jordan(equations, workspace)
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: least(lanes, 2)
         logical :: is_singular(lanes), is_plain
 
         is_plain = equations%solver == solver_gauss_jordan_plain
         call fill_lanes(equations, workspace, is_plain)
         associate (n => equations%kernels%form%n)
             call solve_gauss_jordan(n, 1, workspace%matrix, workspace%right, workspace%growth, is_singular, &
-                                    pivoting=.not. is_plain)
+                                    pivoting=.not. is_plain, least=least)
             workspace%numbers%of(in_unknown)%x(:, :n) = workspace%right(:, :, 1)
         end associate
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+        ! half of the digits went where nobody could choose another pivot
+        if (is_plain) is_singular = workspace%growth < sqrt(epsilon(1.0_wp))
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+        call judge_small_pivots(equations, least, workspace)
     end subroutine solve_by_gauss_jordan
+
+    !> Where a pivot is so small that rounding may have made it, the dense solver's condition number says whether the sample is singular:
+    !> one rule for all solvers. That takes all rows and columns for as large as each other: one that is nothing but rounding is told by
+    !> its size.
+    subroutine judge_small_pivots(equations, least, workspace)
+        type(equations_type), intent(in) :: equations
+        real(wp), intent(in) :: least(lanes, 2)        !! pivot, over the largest entry of its column, and of the matrix
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: rcond, error
+        logical :: is_singular
+        integer :: lane
+
+        do lane = 1, workspace%n_used
+            if (minval(least(lane, :)) > sqrt(epsilon(1.0_wp)) .or. workspace%status(lane) /= sample_ok) cycle
+            call solve_one_densely(equations, lane, workspace, rcond, error, is_singular)
+            is_singular = is_singular .or. least(lane, 2) <= epsilon(1.0_wp)
+            if (is_singular .and. workspace%status(lane) == sample_ok) workspace%status(lane) = sample_singular
+        end do
+    end subroutine judge_small_pivots
 
     !> Virtual work. Where accelerations alone are unknown their matrix, minus the mass matrix, is symmetric.
     subroutine solve_reduced(equations, workspace)
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: least(lanes, 2)
         logical :: is_singular(lanes)
 
+        least = 1
         call fill_lanes(equations, workspace, .false.)
         associate (n => equations%kernels%form%n)
             if (all(equations%unknown%acceleration)) then
@@ -921,10 +965,11 @@ contains
                 workspace%right = -workspace%right
                 call solve_cholesky(n, workspace%matrix, workspace%right(:, :, 1), is_singular)
             else
-                call solve_gauss_jordan(n, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+                call solve_gauss_jordan(n, 1, workspace%matrix, workspace%right, workspace%growth, is_singular, least=least)
             end if
             workspace%numbers%of(in_unknown)%x(:, :n) = workspace%right(:, :, 1)
         end associate
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+        call judge_small_pivots(equations, least, workspace)
     end subroutine solve_reduced
 end module linkdyn_equations

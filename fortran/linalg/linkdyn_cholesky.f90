@@ -21,7 +21,7 @@ contains
 
         is_singular = .false.
         do k = 1, n
-            smallest(:, k) = epsilon(1.0_wp)*matrix(:, k, k)
+            smallest(:, k) = n*epsilon(1.0_wp)*matrix(:, k, k)     ! what n roundings may leave of nothing
         end do
         ! Row k becomes row k of D L^T. What is left of the diagonal says how definite the matrix is.
         do k = 1, n

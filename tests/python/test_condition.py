@@ -123,3 +123,15 @@ def test_forward_runs_have_it(name: str) -> None:
     times = np.linspace(0.0, 0.1, 6)
     plan, lapack = (scene.forward(t=times, solver=solver, want="rcond").rcond.values for solver in ("elimination", "lapack"))
     assert np.all(np.maximum(plan / lapack, lapack / plan) < OFF * (1 + ROUNDING / lapack))
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "gauss-jordan-plain", "reduced"])
+@pytest.mark.parametrize("name", ["stewart_aris", "stewart_drilling", "tripod"])
+def test_singular_poses_are_so_in_all_solvers(name: str, solver: str) -> None:
+    """Platforms in the plane of their bases, where legs hold nothing up: what rounding leaves of pivots, or of whole columns, gave 1e19 N
+    and 1e34 N with status 0."""
+    scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
+    n_q = len(scene.coordinates)
+    motions = np.zeros((40, n_q))
+    run = scene.inverse(q=motions, qd=motions, qdd=motions, solver=solver)
+    assert (run.status == 2).all() and run.driving_force.isnull().all()
