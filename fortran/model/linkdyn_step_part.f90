@@ -96,7 +96,7 @@ contains
             end do
             part%model%n_dyad = merge(1, 0, is_dyad(own%kind))
             part%model%n_branch = merge(1, 0, own%has_margin)
-            part%model%n_attitude = merge(1, 0, gives_attitude(model, own))
+            part%model%n_attitude = merge(1, 0, gives_attitude(model, model%step(i)))    ! own joints have numbers of their own
         end if
         own%first = merge(1, 0, own%first > 0)
         own%number = 1

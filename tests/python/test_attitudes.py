@@ -117,3 +117,58 @@ def test_loop_on_a_ball_joint_goes_on(slip: float) -> None:
     assert np.ptp(energy) < 1e-8 * float(run.kinetic_energy.max())
     np.testing.assert_allclose(run.q[:, 3], other.q[:, 3], rtol=0, atol=1e-8)
     np.testing.assert_allclose(run.kinetic_energy, other.kinetic_energy, rtol=1e-7)
+
+
+def on_an_arm(middle: str) -> str:
+    """A body on an arm that a hinge turns: by a ball joint, or by three hinges in a row whose angles are the ball's."""
+    origin = "{{ at = [0, 0, 0], axis = [{}], x = [{}] }}".format
+    axes = {"roll": origin("1, 0, 0", "0, 1, 0"), "pitch": origin("0, 1, 0", "0, 0, 1"), "yaw": origin("0, 0, 1", "1, 0, 0")}
+    text = """
+space = "spatial"
+gravity = [0, 0, -9.81]
+frame.markers = { O = { at = [0, 0, 0], axis = [0, 1, 0] } }
+"""
+    place = "[0.6, 0, 0]"
+    arm = f"S = {{ at = {place}, axis = [0, 0, 1], x = [1, 0, 0] }}"
+    body = "S = " + axes["yaw"]
+    joints = [("A", "revolute", "frame.O", "arm.O")]
+    links = ["arm", "body"]
+    if middle == "ball":
+        joints.append(("S", "spherical", "arm.S", "body.S"))
+    else:
+        arm = "S = " + axes["roll"].replace("[0, 0, 0]", place)
+        joints += [("roll", "revolute", "arm.S", "x.S"), ("pitch", "revolute", "x.N", "y.S"), ("yaw", "revolute", "y.N", "body.S")]
+        links += ["x", "y"]
+    markers = {"arm": f"O = {{ at = [0, 0, 0], axis = [0, 1, 0] }}, {arm}", "body": body,
+               "x": f"S = {axes['roll']}, N = {axes['pitch']}", "y": f"S = {axes['pitch']}, N = {axes['yaw']}"}
+    masses = {"arm": "mass = 2\ncog = [0.3, 0.02, 0.05]\ninertia = { diagonal = [0.02, 0.1, 0.1] }",
+              "body": "mass = 1\ncog = [0.1, 0.03, 0]\ninertia = [0.02, 0.02, 0.03, 0.001, 0, 0]", "x": "mass = 0", "y": "mass = 0"}
+    for name in links:
+        text += f"[[link]]\nname = '{name}'\n{masses[name]}\nmarkers = {{ {markers[name]} }}\n"
+    for name, kind, first, second in joints:
+        text += f"[[joint]]\nname = '{name}'\ntype = '{kind}'\nbetween = ['{first}', '{second}']\n"
+    text += "[[coordinate]]\njoint = 'A'\nstart = { position = 0.2, velocity = -0.7 }\n"
+    for name, velocity in (("roll", 0.4), ("pitch", -0.9), ("yaw", 1.3)):
+        joint = f"joint = 'S'\nvariable = '{name}'" if middle == "ball" else f"joint = '{name}'"
+        text += f"[[coordinate]]\n{joint}\nstart = {{ position = 0.1, velocity = {velocity} }}\n"
+    return text
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_ball_behind_a_hinge(method: str) -> None:
+    """Its attitude was counted by the kind of the scene's first joint: with a hinge there it had no place, and the run ended the process."""
+    t = np.linspace(0.0, 0.5, 11)
+    run, hinges = (linkdyn.Scene(on_an_arm(middle)).forward(t=t, method=method, **METHODS[method]) for middle in ("ball", "hinges"))
+    assert (run.status == 0).all() and (hinges.status == 0).all()
+    np.testing.assert_allclose(run.q, hinges.q, atol=1e-8)
+    assert np.ptp(run.q.values, axis=0).min() > 0.1
+
+
+def test_a_ball_before_a_hinge_in_the_file() -> None:
+    """The other way round, a hinge was counted as a ball where the first joint is one."""
+    text = on_an_arm("ball")
+    head, hinge, ball = text.partition("[[joint]]\nname = 'A'")[0], *("[[joint]]\n" + part for part in text.split("[[joint]]\n")[1:])
+    ball, tail = ball.split("[[coordinate]]", 1)
+    t = np.linspace(0.0, 0.5, 11)
+    runs = [linkdyn.Scene(scene).forward(t=t) for scene in (text, head + ball + hinge + "[[coordinate]]" + tail)]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)
