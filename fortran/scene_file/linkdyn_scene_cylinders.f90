@@ -65,6 +65,8 @@ contains
         if (status%is_ok() .and. .not. (rod >= 0 .and. rod < bore)) call refuse_value(place, "rod", place%node%get("rod"), "= "// &
             to_text(rod)//" m (expected a diameter from zero on, less than the bore of "//to_text(bore)//" m)", status)
         call get_flag(place, "through_rod", goes_through, status)
+        if (status%is_ok() .and. goes_through .and. .not. rod > 0) &
+            call refuse_missing(place, "rod", "the diameter of the rod that goes through, for example '50 mm'", status)
         area = pi/4*(bore - rod)*(bore + rod)
         if (.not. goes_through) area(1) = pi/4*bore**2
     end subroutine read_areas

@@ -40,6 +40,8 @@ contains
         end if
         allocate (link%arm(0))
         if (node%kind() == toml_array) then
+            if (node%count() == 0) call refuse_value(place, "elastic", node, &
+                "is an empty list (expected tables with 'to', or no such key: then the link is rigid)", status)
             do i = 1, node%count()
                 part = node%at(i)
                 call read_part(part)
@@ -211,6 +213,8 @@ contains
         if (.not. node%is_present()) then
             call add(0, node)
         else if (node%kind() == toml_array) then
+            if (node%count() == 0) call refuse_value(place, "to", node, &
+                "names no marker (expected one at least, or no such key: then it leads to all that have joints)", status)
             do i = 1, node%count()
                 call add_named(node%at(i))
             end do

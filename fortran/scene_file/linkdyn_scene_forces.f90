@@ -206,6 +206,7 @@ contains
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
                 call read_stiffness(inner, is_angle, drive%value(1:2), status)
                 call get_quantity(inner, "rest", position, drive%value(3), status, found)
+                call refuse_rest_of_none(inner, status)
             case (drive_dc_motor)
                 call allow_keys(inner, [character(len=6) :: "type", "n", "eta", "K_T", "K_E", "K_P", "R_a", "target"], status)
                 call read_motor(inner, is_angle, drive%value(1:6), status)
@@ -574,10 +575,24 @@ contains
         spring%stiffness = value(1)
         spring%damping = value(2)
         call get_quantity(place, "rest", position, spring%rest, status, found)
+        if (.not. node%is_present()) call refuse_rest_of_none(place, status)
         effort = force
         if (position%unit == "rad") effort = moment
         if (node%is_present()) call read_spring_law(place, node, position, effort, number, shelf, spring%force, status)
     end subroutine read_spring
+
+    !> A damper has no place where it rests.
+    subroutine refuse_rest_of_none(place, status)
+        type(scene_place), intent(in) :: place
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: rest, stiffness
+
+        if (.not. status%is_ok()) return
+        rest = place%node%get("rest")
+        stiffness = place%node%get("stiffness")
+        if (rest%is_present() .and. .not. stiffness%is_present()) call refuse_value(place, "rest", rest, &
+            "has no meaning without 'stiffness': damping knows no place (expected 'stiffness' beside it)", status)
+    end subroutine refuse_rest_of_none
 
     !> Force at a slide, moment at an angle.
     pure type(quantity_type) function force_quantity(joint_kind, variable) result(quantity)

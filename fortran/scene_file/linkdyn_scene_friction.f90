@@ -1,7 +1,7 @@
 !> The tables [[friction]] of a scene file.
 module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
-    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_screw, joint_gear, is_geared
+    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_cylindrical, joint_screw, joint_gear, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name, follower_roller
@@ -51,7 +51,7 @@ contains
         type(friction_spec), intent(inout) :: friction
         type(status_type), intent(inout) :: status
         type(quantity_type) :: viscosity
-        logical :: has_coulomb, has_static, has_speed, has_viscous, has_preload, found
+        logical :: has_coulomb, has_static, has_speed, has_viscous, has_length, has_preload, found
 
         friction%line = place%line
         call find_joint(scene, place, friction%joint, status)
@@ -72,7 +72,8 @@ contains
             if (is_turning(joint%kind)) viscosity = angular_damping
             call read_size(place, "viscous", viscosity, friction%viscous, has_viscous, status)
             call read_size(place, "radius", length, friction%radius, found, status)
-            call read_size(place, "length", length, friction%length, found, status)
+            call read_size(place, "length", length, friction%length, has_length, status)
+            if (has_length) call require_positive(place, "length", friction%length, "m", status)
             call read_size(place, "collar", length, friction%collar, found, status)
             call read_size(place, "preload", force, friction%preload, has_preload, status)
             call get_flag(place, "sticking", friction%sticks, status)
@@ -94,8 +95,33 @@ contains
                 call refuse_value(place, "sticking", place%node%get("sticking"), "is for hinges, slides and screws (expected "// &
                     "a revolute, prismatic or screw joint)", status)
             end if
+            if (.not. has_coulomb) call refuse_what_presses(place, joint%kind, status)
         end associate
     end subroutine read_friction
+
+    !> Viscous friction does not depend on what presses: keys that tell how would be ignored beside it alone.
+    subroutine refuse_what_presses(place, kind, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: kind
+        type(status_type), intent(inout) :: status
+        character(len=key_len), parameter :: key(4) = [character(len=key_len) :: "length", "collar", "creep_speed", "radius"]
+        type(toml_node) :: node
+        integer :: i
+
+        do i = 1, size(key) - merge(1, 0, slides_at_radius(kind))
+            if (.not. status%is_ok()) return
+            node = place%node%get(trim(key(i)))
+            if (node%is_present()) call refuse_value(place, trim(key(i)), node, "has no meaning without 'coulomb': "// &
+                "what is viscous does not depend on what presses (expected 'coulomb' beside it)", status)
+        end do
+    end subroutine refuse_what_presses
+
+    !> Surfaces whose speed, by which viscous friction goes, has the radius in it.
+    pure logical function slides_at_radius(kind)
+        integer, intent(in) :: kind
+
+        slides_at_radius = any(kind == [joint_cylindrical, joint_planar, joint_cam])
+    end function slides_at_radius
 
     !> What teeth and belts lose: by their efficiency, or by how teeth rub.
     subroutine read_mesh(place, kind, friction, status)

@@ -480,6 +480,8 @@ contains
                 call node%get_number(found%value, is_one)
                 if (.not. is_one) call refuse(place, "is "//node%kind_text()//" (expected a formula in a text, or a table with "// &
                     "'over')", status)
+                if (is_one .and. .not. abs(found%value) <= huge(found%value)) call refuse(place, "is not a finite number "// &
+                    "(expected a formula of measures, laws and numbers, or a table with 'over')", status)
             end if
             if (found%node == 0) call add_node(law%formula, formula_node(node_number, number=found%value))
         end if

@@ -112,7 +112,7 @@ contains
         if (.not. n_step < real(huge(n_sample), wp)/2) then
             call refuse_value(place, "step", place%node%get("step"), "= "//to_text(step)//" s makes too many samples "// &
                 "(expected a larger step)", status)
-        else if (abs(n_step - anint(n_step)) > 1.0e-6_wp) then
+        else if (abs(n_step - anint(n_step)) > 1.0e-6_wp .or. (duration > 0 .and. n_step < 0.5_wp)) then
             call refuse_value(place, "step", place%node%get("step"), "= "//to_text(step)//" s does not divide the "// &
                 to_text(duration)//" s from start to end (expected a whole number of steps)", status)
         else

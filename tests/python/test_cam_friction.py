@@ -31,7 +31,7 @@ def eccentric(follower: str, **friction: Any) -> dict[str, Any]:
         "joint": [{"name": "shaft", "type": "revolute", "between": ["frame.O", "cam.O"]},
                   {"name": "G", "type": "prismatic", "between": ["frame.G", "lifter.G"], "start": 0.04}, cam],
         "coordinate": [{"joint": "shaft", "motion": {"law": "constant-rate", "rate": SPEED, "start": 0.3}}], "actuator": [{"joint": "shaft"}],
-        "friction": [{"joint": "C", "creep_speed": 1e-4, **friction}], "time": {"end": 0.25, "samples": 101},
+        "friction": [{"joint": "C", **({"creep_speed": 1e-4} if "coulomb" in friction else {}), **friction}], "time": {"end": 0.25, "samples": 101},
     }  # fmt: skip
 
 
