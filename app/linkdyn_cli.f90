@@ -388,7 +388,7 @@ contains
             case ("--threads")
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
-                    call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 on)")
+                    call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 to 999999999)")
                 config%options%threads = team_size(config%options%threads, config%options%threads)
             case ("--method")
                 call choose_method(value, config%integrator%method, outcome)
@@ -409,7 +409,7 @@ contains
                 if (config%checkpoint < 0) call refuse(name//": "//quoted(value)//" (expected seconds)")
             case ("--samples")
                 config%n_sample = whole_number(value)
-                if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 on)")
+                if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 to 999999999)")
             end select
         end subroutine take_value
 

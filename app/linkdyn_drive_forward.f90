@@ -5,7 +5,8 @@ module linkdyn_drive_forward
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
-    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, rounding_in_words, method_name, method_rk4
+    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, tolerance_in_words, &
+        rounding_in_words, method_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: block_type, prepare_block, refuse_absent
@@ -182,6 +183,7 @@ contains
             call note_result("steps", i%n_step, output, status)
             call note_result("rejected_steps", i%n_rejected, output, status)
             call note_result("right_hand_sides", i%n_evaluation, output, status)
+            call note_result("tolerance", tolerance_in_words(run), output, status)
             call note_result("rounding", rounding_in_words(run), output, status)
             call note_result("stopped", trim(run%reason), output, status)
             call note_result("coordinates_integrated", coordinates_in_words(run), output, status)
@@ -196,8 +198,7 @@ contains
         associate (i => run%integrator)
             write (unit, "(a)") "  integrator       "//trim(method_name(i%options%method))//", "//to_text(i%n_step) &
                 //" steps, "//to_text(i%n_rejected)//" rejected, "//to_text(i%n_evaluation)//" right-hand sides"
-            if (i%options%method /= method_rk4) write (unit, "(a)") "  tolerance        "//to_text(i%options%rtol) &
-                //" relative, "//to_text(i%options%atol)//" absolute, in a step"
+            if (len(tolerance_in_words(run)) > 0) write (unit, "(a)") "  tolerance        "//tolerance_in_words(run)
             if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
                 //to_text(i%longest_step)//" s"
         end associate

@@ -19,7 +19,8 @@ module linkdyn_f2py_api
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_event_log, only: event_log
     use linkdyn_ensemble, only: run_ensemble
-    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, tolerance_in_words, &
+        rounding_in_words, default_method, &
         method_name, method_rk4
     use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
     use linkdyn_handles, only: close_handle
@@ -645,7 +646,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            n_passed, rounding, stopped, coordinates, n_event, is_over, code, message)
+            n_passed, tolerance, rounding, stopped, coordinates, n_event, is_over, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -658,6 +659,7 @@ contains
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
         integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
         integer(c_int), intent(out) :: n_passed            ! change points, since the start
+        character(len=256), intent(out) :: tolerance       ! of a step; blank of a fixed one
         character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
@@ -676,6 +678,7 @@ contains
         statistics = 0
         roads = 0
         n_passed = 0
+        tolerance = ""
         rounding = ""
         stopped = ""
         coordinates = ""
@@ -715,6 +718,7 @@ contains
             n_passed = here%watched%run%n_passed
             if (here%watched%run%has_stopped) stopped = here%watched%run%reason
             coordinates = coordinates_in_words(here%watched%run)
+            tolerance = tolerance_in_words(here%watched%run)
             rounding = rounding_in_words(here%watched%run)
             n_event = here%watched%run%system%log%n
             if (here%watched%run%is_over .and. here%watched%n_pending == 0) is_over = 1

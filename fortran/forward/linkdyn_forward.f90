@@ -16,7 +16,7 @@ module linkdyn_forward
     use linkdyn_forward_samples, only: forward_results, output_samples, begin_samples, end_samples_here, add_sample, take_samples, &
         find_forces
     use linkdyn_forward_state, only: fill_start, scene_start
-    use linkdyn_forward_words, only: coordinates_in_words, rounding_in_words
+    use linkdyn_forward_words, only: coordinates_in_words, tolerance_in_words, rounding_in_words
     use linkdyn_integrator, only: integrator_options, choose_method, check_options, tightened, method_name, default_method, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     use linkdyn_interrupt, only: start_listening, stop_listening
@@ -37,7 +37,8 @@ module linkdyn_forward
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name, default_method
+    public :: run_forward, coordinates_in_words, tolerance_in_words, rounding_in_words, integrator_options, &
+        choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
 contains

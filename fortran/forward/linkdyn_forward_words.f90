@@ -13,7 +13,7 @@ module linkdyn_forward_words
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: coordinates_in_words, rounding_in_words, reason_of_stop
+    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, reason_of_stop
 
 contains
 
@@ -44,6 +44,29 @@ contains
             names = choice_names(run%own, run%known(phase)%phase%choice)
         end function names_of
     end function coordinates_in_words
+
+    !> "1e-4 relative (0.5 was asked for, too loose to judge steps by), 1e-9 absolute, in a step"; blank of a fixed step.
+    function tolerance_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+
+        text = ""
+        associate (options => run%integrator%options)
+            if (options%method == method_rk4) return
+            text = to_text(options%rtol)//" relative"//not_as(options%asked(1))//", "//to_text(options%atol)//" absolute" &
+                   //not_as(options%asked(2))//", in a step"
+        end associate
+
+    contains
+
+        function not_as(asked) result(words)
+            real(wp), intent(in) :: asked              !! 0: as it is
+            character(len=:), allocatable :: words
+
+            words = ""
+            if (asked > 0) words = " ("//to_text(asked)//" was asked for, too loose to judge steps by)"
+        end function not_as
+    end function tolerance_in_words
 
     !> "left 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
     function rounding_in_words(run) result(text)

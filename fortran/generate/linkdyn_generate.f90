@@ -7,12 +7,14 @@ module linkdyn_generate
     use linkdyn_code_fields, only: name_list, field_type, list_of_names, without_names, field, field_size, note_len, n_list, &
         of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes, of_place
     use linkdyn_closing_programs, only: out_determinant
-    use linkdyn_controller_kernel, only: make_controller_kernel, make_closing_kernel, run_kernel
+    use linkdyn_controller_kernel, only: controller_kernel, make_controller_kernel, make_closing_kernel, run_kernel
     use linkdyn_drive_laws, only: follows_target, is_given
-    use linkdyn_equations, only: unknown_choice, equations_type, build_equations, free_equations, solver_elimination
+    use linkdyn_equations, only: unknown_choice, equations_type, build_equations, build_no_equations, free_equations, &
+        solver_elimination
     use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place
     use linkdyn_inverse, only: look_for_record
+    use linkdyn_kernel_check, only: compare_kernel, kernel_differs, kernel_unsure
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
@@ -212,9 +214,49 @@ contains
         call make_controller_kernel(own, request, code%output%id, sample, code%controller)
         if (.not. code%controller%is_made) call refuse("its equations have no pivots that serve near its start and motion " &
             //"(expected no more constraints than it needs)", status)
+        if (status%is_ok()) call check_kernel(model, own, wish, request, poses, sample, unknown, code%controller, status)
         call name_assemblies(own, code)
         call add_groups(model, own, sample, code, status)
     end subroutine trace_kernels
+
+    !> What the code would find must be what the engine finds.
+    subroutine check_kernel(model, own, wish, request, poses, sample, unknown, controller, status)
+        type(model_type), intent(in) :: model, own     !! the scene's, and the same planned for records
+        type(code_wish), intent(in) :: wish
+        type(trace_request), intent(in) :: request
+        type(representative_poses), intent(in) :: poses
+        type(sample_set), intent(in) :: sample         !! these
+        type(unknown_choice), intent(in) :: unknown
+        type(controller_kernel), intent(in) :: controller
+        type(status_type), intent(inout) :: status
+        type(controller_kernel) :: drives
+        type(equations_type) :: equations
+        integer :: verdict
+
+        select case (wish%kernel)
+        case (kernel_inverse)
+            call build_equations(model, solver_elimination, .true., equations, status)
+        case (kernel_forward)
+            call build_equations(model, solver_elimination, .true., equations, status, unknown)
+            call make_controller_kernel(own, request, [result_qdd, result_driving_force], sample, drives)
+        case (kernel_kinematics)
+            call build_no_equations(model, equations)
+        end select
+        if (status%is_ok()) then
+            call compare_kernel(model, equations, poses%assembly, sample, controller, drives, verdict)
+            if (verdict == kernel_differs) call refuse_what_differs(status)
+            if (verdict == kernel_unsure) call refuse("at no pose that was tried could what it finds be compared with what the "// &
+                "engine finds, as near dead points and by threads whose lead is small beside the mechanism", status)
+        end if
+        call free_equations(equations)
+    end subroutine check_kernel
+
+    subroutine refuse_what_differs(status)
+        type(status_type), intent(inout) :: status
+
+        call refuse("it would find other numbers than the engine at most of the poses that were tried, which is a fault of "// &
+                    "linkdyn's (expected another kernel; please report the scene)", status)
+    end subroutine refuse_what_differs
 
     !> Newton's steps of groups closed by iteration, and where their links are at the start.
     subroutine add_groups(model, own, sample, code, status)
@@ -310,7 +352,7 @@ contains
         if (scan(code%prefix(1:1), "_0123456789") > 0) code%prefix = "scene_"//code%prefix
     end subroutine name_files
 
-    !> The engine must be able to compute it, too; of inverse dynamics, its record must find what the engine finds without.
+    !> The engine must be able to compute it, too; of inverse dynamics, by a record that it relies on itself.
     subroutine check_equations(model, wish, wanted, unknown, status)
         type(model_type), intent(in) :: model
         type(code_wish), intent(in) :: wish
@@ -318,19 +360,21 @@ contains
         type(unknown_choice), intent(out) :: unknown
         type(status_type), intent(inout) :: status
         type(equations_type) :: equations
-        logical :: is_there, is_uncertain
+        logical :: is_there, is_uncertain, is_refuted
         integer, allocatable :: link(:)
         integer :: g
 
         select case (wish%kernel)
         case (kernel_inverse)
-            call look_for_record(model, wanted, is_there, is_uncertain, status)
+            call look_for_record(model, wanted, is_there, is_uncertain, is_refuted, status)
             if (is_there .or. .not. status%is_ok()) return
             link = [(model%group(g)%link, g=1, size(model%group))]
             if (is_uncertain) call refuse("at all poses that were tried links "//join(model%link(link)%name)//" are placed with " &
                 //"too few digits for its forces to be compared with those of the engine, as by threads whose lead is small " &
                 //"beside the mechanism (expected the kernel forward or kinematics)", status)
-            if (.not. is_uncertain) call refuse("the scene has no record (linkdyn explain shows what it has)", status)
+            if (is_refuted) call refuse_what_differs(status)
+            if (.not. (is_uncertain .or. is_refuted)) call refuse("the scene has no record (linkdyn explain shows what it has)", &
+                                                                  status)
         case (kernel_forward)
             call choose_unknowns(model, unknown, status)
             if (status%is_ok() .and. .not. any(unknown%acceleration)) &

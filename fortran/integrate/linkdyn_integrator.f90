@@ -52,6 +52,7 @@ module linkdyn_integrator
         real(wp) :: rtol = 1.0e-9_wp           !! local error allowed, relative to y
         real(wp) :: atol = 1.0e-9_wp           !! and absolute: see `linkdyn_way_gone`
         real(wp) :: span = 0                   !! how long the run is to be; 0: not known
+        real(wp) :: asked(2) = 0               !! relative and absolute errors that were asked for and are not allowed; 0: they are
     end type integrator_options
 
     !> A run under way, and its statistics.
@@ -144,6 +145,8 @@ contains
 
         own = options
         associate (most => merge(loosest_of_many, loosest, options%method == method_msbdf))
+            if (own%rtol > most) own%asked(1) = own%rtol
+            if (own%atol > most) own%asked(2) = own%atol
             own%rtol = min(own%rtol, most)
             own%atol = min(own%atol, most)
         end associate

@@ -104,11 +104,12 @@ module linkdyn_inverse
         !> Is there a record for some results of a scene that finds what the lanes find?
         !>
         !> **Errors**: as of `prepare_inverse`.
-        module subroutine look_for_record(model, wanted, is_there, is_uncertain, status)
+        module subroutine look_for_record(model, wanted, is_there, is_uncertain, is_refuted, status)
             type(model_type), intent(in) :: model
             integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
             logical, intent(out) :: is_there
             logical, intent(out) :: is_uncertain                   !! it leaves all poses to the lanes that it could be asked at
+            logical, intent(out) :: is_refuted                     !! it does not find what the lanes find
             type(status_type), intent(inout) :: status
         end subroutine look_for_record
 

@@ -116,12 +116,15 @@ contains
 
         is_there = .false.
         is_uncertain = .false.
+        is_refuted = .false.
         call prepare_inverse(model, inverse_options(solver=solver_elimination), any(wanted == result_reaction), solver, status)
         if (.not. status%is_ok()) return
         call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), recorded)
         is_there = associated(recorded)
         if (.not. is_there .and. size(model%group) > 0 .and. allocated(solver%places%poses%q)) &
             is_uncertain = all(status_for_record(model, solver%places%poses%assembly) /= sample_ok)
+        recorded => solver%records%find(wanted)
+        if (associated(recorded)) is_refuted = recorded%is_refuted .and. .not. is_uncertain
         call solver%free()
     end procedure look_for_record
 
@@ -155,6 +158,7 @@ contains
                 recorded%is_usable = judges_like_lanes(model, margins, poses%q)
             else
                 recorded%is_usable = agrees_with_lanes(model, solver, recorded, poses%q, poses%assembly)
+                recorded%is_refuted = .not. recorded%is_usable
             end if
         end associate
     end subroutine make_record

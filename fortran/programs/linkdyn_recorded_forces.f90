@@ -46,6 +46,7 @@ module linkdyn_recorded_forces
     type :: recorded_forces
         integer, allocatable :: wanted(:)                      !! `result_*` of the catalogue
         logical :: is_usable = .false.                         !! false: the scene has no record
+        logical :: is_refuted = .false.                        !! it has one, which does not find what the lanes find
         logical :: needs_branches = .false.                    !! there are ways to close
         logical :: needs_places = .false.                      !! some links stand where they have been found by iteration
         type(model_type), pointer :: model => null()           !! planned for records

@@ -464,6 +464,8 @@ class Run:
         """As `inverse` returns them."""
         self.n_passed = 0
         """Change points passed since the start, up to the last instant dealt with or where the run stopped."""
+        self.tolerance = ""
+        """Errors that a step is allowed, and what was asked for if that is looser; empty of a fixed step."""
         self.rounding = ""
         """What it left of the tolerances; empty if these were met."""
         self.stopped = ""
@@ -496,15 +498,13 @@ class Run:
         """
         kinds: tuple[type, ...] = (np.float64, np.intc)
         rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
-        n_done, self.reached, self.statistics, roads, self.n_passed, rounding, stopped, coordinates, self.n_events, is_over, code, message = (
+        n_done, self.reached, self.statistics, roads, self.n_passed, *words, self.n_events, is_over, code, message = (
             _api.api_advance(self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values)
         )
         check(code, message)
         self.is_over = bool(is_over)
         self.roads += roads
-        self.rounding = rounding.decode("utf-8", errors="replace").strip()
-        self.stopped = stopped.decode("utf-8", errors="replace").strip()
-        self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
+        self.tolerance, self.rounding, self.stopped, self.coordinates = (text.decode("utf-8", errors="replace").strip() for text in words)
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}
 
     def events(self, n_q: int) -> tuple[NDArray[np.intc], Floats, Floats]:

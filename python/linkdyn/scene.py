@@ -622,7 +622,7 @@ class Scene:
             The fixed step, or the first one tried [s].
         rtol, atol
             Error allowed in a step, relative and absolute [m, rad, and these in a second]; no more than 1e-4
-            (msbdf: 1e-5) is. What has gone less than 0.01 so far is allowed that much less, so that
+            (msbdf: 1e-5) is, and ``attrs["tolerance"]`` says what was. What has gone less than 0.01 so far is allowed that much less, so that
             small motions have digits, too.
         want, solver, threads
             As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
@@ -694,7 +694,7 @@ class Scene:
             data.encoding |= self._origin
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
-            data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
+            data.attrs |= {"tolerance": run.tolerance, "rounding": run.rounding, "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
             if self.description["events"]:
                 variables, labels = event_variables(self.description, *run.events(len(self.description["coordinates"])))

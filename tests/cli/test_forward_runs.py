@@ -96,6 +96,7 @@ def test_a_run_that_blows_up(tmp_path):
         (["--until", "inf"], "--until"),
         (["--until", "-1"], "goes nowhere"),
         (["--samples", "0"], "--samples"),
+        (["--samples", "2000000000"], "expected a whole number from 1 to 999999999"),
     ],
 )
 def test_refusals(tmp_path, arguments, message):
@@ -103,6 +104,27 @@ def test_refusals(tmp_path, arguments, message):
     assert result.returncode == BAD_INPUT
     assert message in result.stderr and result.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "1e-9 relative, 1e-9 absolute, in a step"),
+        (["--rtol", "0.5"], "1e-4 relative (0.5 was asked for, too loose to judge steps by), 1e-9 absolute, in a step"),
+        (["--method", "msbdf", "--atol", "3"], "1e-9 relative, 1e-5 absolute (3 was asked for, too loose to judge steps by), in a step"),
+        (["--method", "rk4"], ""),
+    ],
+)
+def test_tolerances_too_loose_are_told(tmp_path, arguments, words):
+    """They were replaced without a word."""
+    scene = EXAMPLES / "fourbar_start" / "scene.toml"
+    result = forward(tmp_path, scene, "--until", 0.2, "--samples", 5, "-o", "run.nc", *arguments)
+    assert result.returncode == DONE, result
+    assert (f"  tolerance        {words}\n" in result.stdout) == (words != "") and ("tolerance" in result.stdout) == (words != "")
+    with xr.open_dataset(tmp_path / "run.nc") as run:
+        assert run.attrs["tolerance"] == words
+    settings = {name[2:]: value if name == "--method" else float(value) for name, value in zip(arguments[::2], arguments[1::2], strict=True)}
+    assert linkdyn.load(scene).forward(0.2, **settings).attrs["tolerance"] == words
 
 
 def test_a_start_that_cannot_be_assembled(tmp_path):
