@@ -409,7 +409,8 @@ contains
                 if (config%checkpoint < 0) call refuse(name//": "//quoted(value)//" (expected seconds)")
             case ("--samples")
                 config%n_sample = whole_number(value)
-                if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 to 999999999)")
+                if (config%n_sample < 2) call refuse("--samples: "//quoted(value)// &
+                    " (expected a whole number from 2, both ends, to 999999999)")
             end select
         end subroutine take_value
 

@@ -39,6 +39,8 @@ contains
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
+        if (status%is_ok() .and. config%has_until .and. .not. config%until > model%scene%time%first) &
+            call fail(status, status_bad_input, config%scene//": "//nowhere(model%scene%time%first, config%until))
         if (status%is_ok() .and. .not. config%no_output) call open_table(config, model%scene, file, status)
         if (status%is_ok()) then
             twin = find_twin()
@@ -137,7 +139,7 @@ contains
         first = model%scene%time%first
         last = merge(config%until, model%scene%time%last, config%has_until)
         if (.not. last > first) then
-            call fail(status, status_bad_input, "a run from "//to_text(first)//" s to "//to_text(last)//" s goes nowhere")
+            call fail(status, status_bad_input, nowhere(first, last))
             return
         end if
         t = [(first + (last - first)*(real(i - 1, wp)/(n_instant - 1)), i=1, n_instant)]
@@ -149,6 +151,13 @@ contains
             call study_forward(model, t, row=row, tenfold=tenfold, status=status)
         end if
     end subroutine measure_forward
+
+    function nowhere(first, last) result(words)
+        real(wp), intent(in) :: first, last          !! [s]
+        character(len=:), allocatable :: words
+
+        words = "a run from "//to_text(first)//" s to "//to_text(last)//" s goes nowhere (expected [time] end, or --until)"
+    end function nowhere
 
     subroutine print_inverse(row, unit)
         type(study_row), intent(in) :: row(:)

@@ -97,6 +97,7 @@ def test_study(twin, tmp_path):
     chosen = [row for row in rows if (row["method"], row["setting"]) == advice.groups()]
     assert float(chosen[0]["error [1]"]) <= 1e-6
     refused(run("study", scene, "--csv", cwd=tmp_path), "--csv")
+    refused(run("study", scene, "--until", "-1", "-q", cwd=tmp_path), "a run from 0 s to -1 s goes nowhere")
 
 
 def test_states_are_the_motion(tmp_path):

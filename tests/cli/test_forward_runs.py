@@ -96,7 +96,8 @@ def test_a_run_that_blows_up(tmp_path):
         (["--until", "inf"], "--until"),
         (["--until", "-1"], "goes nowhere"),
         (["--samples", "0"], "--samples"),
-        (["--samples", "2000000000"], "expected a whole number from 1 to 999999999"),
+        (["--samples", "2000000000"], "from 2, both ends, to 999999999"),
+        (["--samples", "1"], "from 2, both ends"),
     ],
 )
 def test_refusals(tmp_path, arguments, message):
