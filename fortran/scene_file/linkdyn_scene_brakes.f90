@@ -1,12 +1,12 @@
 !> The key `brake` of a drive.
 module linkdyn_scene_brakes
     use linkdyn_scene, only: scene_type, switch_spec, brake_spec, name_len
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
-        require_table
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_name, &
+        get_word, require_table
     use linkdyn_scene_motor_limits, only: read_positive
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
     use linkdyn_units, only: moment, time_span
     implicit none (type, external)
@@ -45,6 +45,9 @@ contains
 
         call get_quantity(inner, "from", time_span, switch%from, status, has_from)
         call get_quantity(inner, "until", time_span, switch%until, status, has_until)
+        if (status%is_ok() .and. has_from .and. has_until .and. .not. abs(switch%until - switch%from) > 0) &
+            call refuse_value(inner, "until", inner%node%get("until"), "= "//to_text(switch%until)//" s is the instant of "// &
+                "'from', too (expected another one)", status)
         call read_name("from_event", switch%from_name)
         has_event = switch%from_name /= ""
         has_from = has_from .or. has_event

@@ -360,14 +360,14 @@ contains
         type(quantity_type), intent(in) :: measured, output
         type(controller_spec), intent(inout) :: controller
         type(status_type), intent(inout) :: status
-        logical :: found
+        logical :: found, has_damps
         integer :: choice
 
         call get_quantity(place, "kp", gain(output, measured, 0), controller%kp, status, found)
         call get_quantity(place, "ki", gain(output, measured, -1), controller%ki, status, found)
         call get_quantity(place, "kd", gain(output, measured, 1), controller%kd, status, found)
         choice = 1
-        call get_word(place, "damps", [character(len=8) :: "error", "measured"], choice, status, found)
+        call get_word(place, "damps", [character(len=8) :: "error", "measured"], choice, status, has_damps)
         controller%damps_measured = choice == 2
         call read_positive(place, "filter", time_span, "s", controller%filter, status)
         if (.not. status%is_ok()) return
@@ -380,6 +380,9 @@ contains
             else if (controller%filter > 0 .and. .not. abs(kd) > 0) then
                 call refuse_value(place, "filter", place%node%get("filter"), "is that of 'kd', which is not there "// &
                     "(expected 'kd', or no filter)", status)
+            else if (has_damps .and. .not. abs(kd) > 0) then
+                call refuse_value(place, "damps", place%node%get("damps"), "is of 'kd', which is not there (expected 'kd', "// &
+                    "or no such key)", status)
             else if (abs(kd) > 0 .and. controller%rate_measure == 0 .and. .not. is_sampled(controller)) then
                 call refuse_value(place, "kd", place%node%get("kd"), "asks for an acceleration: what is measured is a rate "// &
                     "(expected none, or a sampled controller, with 'rate')", status)

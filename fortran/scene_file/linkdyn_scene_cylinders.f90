@@ -18,6 +18,8 @@ module linkdyn_scene_cylinders
     character(len=13), parameter :: cylinder_key(*) = [character(len=13) :: "bore", "rod", "through_rod", "stroke", &
         "dead_volumes", "bulk_modulus", "air", "gas", "supply", "tank", "valve", "leakage", "pressures"]
 
+    real(wp), parameter :: most_exponent = 5.0_wp/3
+
 contains
 
     subroutine read_cylinder(place, node, actuator, status)
@@ -126,6 +128,9 @@ contains
         call allow_keys(inner, [character(len=8) :: "exponent"], status)
         call require_given(inner, "exponent", plain_number, "the polytropic one, from 1 (as warm as ever) to 1.4 (quick)", &
                            cylinder%exponent, status)
+        if (status%is_ok() .and. .not. (cylinder%exponent >= 1 .and. cylinder%exponent <= most_exponent)) call refuse_value(inner, &
+            "exponent", inner%node%get("exponent"), "= "//to_text(cylinder%exponent)//" (expected 1, as warm as ever, to 5/3, "// &
+            "a gas of single atoms without heat)", status)
         do i = 1, size(of_oil)
             node = place%node%get(trim(of_oil(i)))
             if (status%is_ok() .and. node%is_present()) call refuse_value(place, trim(of_oil(i)), node, "stands beside 'gas' "// &
