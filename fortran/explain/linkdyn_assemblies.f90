@@ -24,7 +24,7 @@ module linkdyn_assemblies
         logical :: is_complete = .true.                !! there were no more than are listed
         integer, allocatable :: chooser(:)             !! joints at which a branch can be chosen
         integer, allocatable :: telling(:)             !! joint variables whose starts choose
-        integer, allocatable :: placed(:)              !! links whose starts choose, where there are no such variables
+        integer, allocatable :: placed(:)              !! links whose starts choose, told by the scene or for want of such variables
         integer, allocatable :: branch(:, :)           !! at these joints: +1 or -1 (chooser, n)
         real(wp), allocatable :: variable(:, :)        !! joint variables [m, rad] (n_variable, n)
         real(wp), allocatable :: position(:, :, :)     !! origins of the links [m] (3, n_link, n)
@@ -51,41 +51,54 @@ contains
         call go_on(model, 1, .true., branch, state, list)
     end subroutine find_assemblies
 
-    !> What starts can choose in groups closed by iteration: hinges and slides, but those that are coordinates; in a group that has none,
-    !> links, but those that may spin idly.
+    !> What starts can choose in groups closed by iteration: hinges and slides, but those that are coordinates; in a group that has
+    !> none, links, but those that may spin idly. What the scene says of the start is told anew, of whatever link or joint: it counts
+    !> beside them, and would choose another.
     subroutine list_starts(model, list)
         type(model_type), intent(in) :: model
         type(assembly_list), intent(inout) :: list
-        integer :: g, i, v, n
+        logical :: turns_or_slides
+        integer :: g, i, v
 
         allocate (list%telling(0), list%placed(0))
         do g = 1, size(model%group)
             associate (group => model%group(g))
-                n = size(list%telling)
+                turns_or_slides = .false.
                 do i = 1, size(group%joint)
                     associate (joint => model%joint(group%joint(i)))
-                        if (any(joint%told_kind == [joint_universal, joint_spherical]) .or. is_pose_part(joint%kind)) cycle
-                        do v = 1, joint_n_variable(joint%told_kind)
-                            if (group%coordinate(v, i) == 0) list%telling = [list%telling, joint%first_variable + v]
-                        end do
+                        if (is_pose_part(joint%kind)) cycle
+                        associate (is_simple => all(joint%told_kind /= [joint_universal, joint_spherical]))
+                            if (.not. (is_simple .or. model%scene%joint(group%joint(i))%has_start)) cycle
+                            do v = 1, joint_n_variable(joint%told_kind)
+                                if (group%coordinate(v, i) > 0) cycle
+                                list%telling = [list%telling, joint%first_variable + v]
+                                turns_or_slides = turns_or_slides .or. is_simple
+                            end do
+                        end associate
                     end associate
                 end do
-                if (size(list%telling) == n) list%placed = [list%placed, telling_links(model, group)]
+                if (turns_or_slides) then
+                    list%placed = [list%placed, pack(group%link, model%scene%link(group%link)%has_start)]
+                else
+                    list%placed = [list%placed, telling_links(model, group)]
+                end if
             end associate
         end do
     end subroutine list_starts
 
-    !> Links of a group whose places choose: the platforms, if it has legs about them.
+    !> Links of a group without hinges and slides whose places choose: the platforms, if it has legs about them; and those that the
+    !> scene places.
     pure function telling_links(model, group) result(link)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         integer, allocatable :: link(:)
         integer, parameter :: of_a_leg = 2             !! joints
+        logical :: tells(size(group%link))
         integer :: i
 
-        link = pack(group%link, [(model%first_at(group%link(i) + 1) - model%first_at(group%link(i)) > of_a_leg, &
-                                  i=1, size(group%link))])
-        if (size(link) == 0) link = pack(group%link, model%link(group%link)%spin == 0)
+        tells = [(model%first_at(group%link(i) + 1) - model%first_at(group%link(i)) > of_a_leg, i=1, size(group%link))]
+        if (.not. any(tells)) tells = model%link(group%link)%spin == 0
+        link = pack(group%link, tells .or. model%scene%link(group%link)%has_start)
     end function telling_links
 
     !> Steps from the i-th on; first the way of the start, which is so the first in the list.

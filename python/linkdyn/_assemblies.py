@@ -21,6 +21,8 @@ __all__ = ["Assemblies", "Assembly", "assemblies_of", "draw_assemblies"]
 PANEL = 3.2
 """Width and height of one picture [inch]."""
 MOST_COLUMNS = 4
+PLANE = 2
+"""Dimensions of a position."""
 LENGTHS = ("slide", "x", "y")
 """Joint variables that are no angles."""
 
@@ -36,7 +38,8 @@ class Assembly:
     start: dict[str, float]
     """Joint variable ("D.angle") to where it is [m, rad], for loops closed by iteration."""
     place: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
-    """Link to position [m] and angles [rad], for loops closed by iteration that have neither hinges nor slides."""
+    """Link to position [m] and angles [rad], in a plane two and one: where loops closed by iteration have neither hinges nor slides, and
+    of links whose start the scene tells, which would choose besides."""
     joint_variable: dict[str, float]
     """All joint variables [m, rad]."""
     position: NDArray[np.float64]
@@ -54,8 +57,9 @@ class Assembly:
             by_joint.setdefault(joint, []).append(f"{variable} = {_quantity(value, variable)}")
         texts += [f"{joint}: start = {{ {', '.join(parts)} }}" for joint, parts in by_joint.items()]
         for link, (position, angles) in self.place.items():
-            at, turn = ([_quantity(value, kind) for value in values] for values, kind in ((position, "slide"), (angles, "angle")))
-            texts.append(f"{link}: start = {{ position = [{', '.join(at)}], angles = [{', '.join(turn)}] }}")
+            at, turn = (", ".join(_quantity(value, kind) for value in values) for values, kind in ((position, "slide"), (angles, "angle")))
+            attitude = f"angle = {turn}" if len(position) == PLANE else f"angles = [{turn}]"
+            texts.append(f"{link}: start = {{ position = [{at}], {attitude} }}")
         return "; ".join(texts)
 
     def apply(self, scene: dict[str, Any]) -> dict[str, Any]:
@@ -75,7 +79,8 @@ class Assembly:
         for link in links:
             if link["name"] in self.place:
                 position, angles = self.place[link["name"]]
-                link["start"] = {"position": position.tolist(), "angles": angles.tolist()}
+                attitude = {"angle": float(angles[0])} if len(position) == PLANE else {"angles": angles.tolist()}
+                link["start"] = {"position": position.tolist()} | attitude
         joints = [dict(joint) for joint in scene.get("joint", [])]
         for joint in joints:
             if joint["name"] in self.branch:
@@ -94,7 +99,7 @@ class Assemblies(list[Assembly]):
     """No more were found than are listed, and attempts had long found nothing new."""
 
 
-def assemblies_of(found: dict[str, Any]) -> Assemblies:
+def assemblies_of(found: dict[str, Any], planar: bool) -> Assemblies:
     """What the engine found, with the places of the links.
 
     Parameters
@@ -102,6 +107,8 @@ def assemblies_of(found: dict[str, Any]) -> Assemblies:
     found
         From the engine: ``branch_joint``, ``start_variable`` (numbers of joint variables), ``placed_link`` (numbers of links), ``variable``
         and ``link`` (labels), ``assemblies``.
+    planar
+        Links have two numbers and an angle.
     """
     result = Assemblies()
     result.is_complete = found["is_complete"]
@@ -111,7 +118,7 @@ def assemblies_of(found: dict[str, Any]) -> Assemblies:
         position, rotation = np.reshape(one["position"], (-1, 3)), np.reshape(one["rotation"], (-1, 3, 3))
         result.append(Assembly(
             number, dict(zip(found["branch_joint"], one["branch"])), {labels[k]: one["variable"][k] for k in found["start_variable"]},
-            {found["link"][k]: (position[k], _angles(rotation[k])) for k in found["placed_link"]}, value, position, rotation,
+            {found["link"][k]: _place(position[k], rotation[k], planar) for k in found["placed_link"]}, value, position, rotation,
         ))
     return result
 
@@ -143,6 +150,12 @@ def draw_assemblies(scene: Scene) -> Figure:
         ax.set_title(f"{one.number}", fontsize="medium", fontweight="bold" if one.number == 1 else "normal")
     figure.suptitle(f"{printable(scene.title)}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
     return figure
+
+
+def _place(position: NDArray[np.float64], rotation: NDArray[np.float64], planar: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A link's start as a scene tells it."""
+    angles = _angles(rotation)
+    return (position[:PLANE], angles[PLANE:]) if planar else (position, angles)
 
 
 def _angles(r: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -288,7 +288,7 @@ class Scene:
         >>> for assembly in linkdyn.new("five-bar").assemblies():
         ...     print(assembly.number, assembly.words)
         """
-        return assemblies_of(_bind.assemblies(self._handle))
+        return assemblies_of(_bind.assemblies(self._handle), self.planar)
 
     def generate(self, kernel: str = "inverse", want: str | Iterable[str] | None = None, name: str | None = None) -> GeneratedCode:
         """C code of a kernel of the scene, for controllers: one file of C99 and its header, as ``linkdyn generate`` writes them.

@@ -81,6 +81,32 @@ def test_every_one_closes() -> None:
             assert all(np.abs(a.position - b.position).max() > 1e-6 or np.abs(a.rotation - b.rotation).max() > 1e-6 for b in found[:i])
 
 
+def test_words_beside_a_start_of_the_scene() -> None:
+    """A platform on three cylinders whose place the scene tells, too: this pulled to another than the joints' starts chose."""
+    feet, tops = [[-0.2, 0.1], [1.8, -0.1], [1.1, 1.5]], [[0.1, -0.1], [0.9, 0.0], [0.5, 0.9]]
+    place, angle = np.array([0.4, 1.1]), -2.6
+    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    content: dict[str, Any] = {
+        "space": "planar", "frame": {"markers": {f"A{i}": foot for i, foot in enumerate(feet)}}, "joint": [], "coordinate": [], "actuator": [],
+        "link": [{"name": "platform", "mass": 2.0, "inertia": 0.1, "markers": {f"P{i}": top for i, top in enumerate(tops)},
+                  "start": {"position": place.tolist(), "angle": angle}}],
+    }
+    for i, (foot, top) in enumerate(zip(feet, tops)):
+        content["link"] += [{"name": f"{name}{i}", "mass": 1.0, "inertia": 0.1, "markers": {"A": [0, 0]}} for name in ("barrel", "rod")]
+        content["joint"] += [{"name": f"A{i}", "type": "revolute", "between": [f"frame.A{i}", f"barrel{i}.A"]},
+                             {"name": f"S{i}", "type": "prismatic", "between": [f"barrel{i}.A", f"rod{i}.A"]},
+                             {"name": f"P{i}", "type": "revolute", "between": [f"rod{i}.A", f"platform.P{i}"]}]
+        content["coordinate"].append({"joint": f"S{i}", "start": float(np.linalg.norm(place + turned @ top - foot))})
+        content["actuator"].append({"joint": f"S{i}"})
+    found = linkdyn.Scene(content).assemblies()
+    assert len(found) == 4
+    for one in found:
+        told = one.place["platform"]
+        assert len(told[0]) == 2 and "platform: start = { position = [" in one.words and "], angle = \"" in one.words
+        again = linkdyn.Scene(one.apply(content)).assemblies()[0]
+        np.testing.assert_allclose(again.position, one.position, atol=1e-9)
+
+
 def test_loops_of_balls() -> None:
     """A plate on six rods between balls: nothing but links' starts can choose, and the words do."""
     feet = {f"B{i}": [np.cos(a), np.sin(a), 0.0] for i, a in enumerate(np.radians([5, 115, 125, 235, 245, 355]))}
