@@ -111,7 +111,8 @@ contains
         end do
     end function marker_axes
 
-    !> About which the second link of a tilt turns away from the first; none where the axes are parallel.
+    !> About which the second link of a tilt turns away from the first; none where the axes are parallel. Of axes that joints hold
+    !> parallel rounding has a direction of its own, which may lie along them: what turns about them tilts nothing.
     function tilt_direction(mechanism, spec) result(direction)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -121,6 +122,7 @@ contains
         axes = marker_axes(mechanism, spec)
         direction = axes(1)%z .cross.axes(2)%z
         direction = reciprocal(max(sqrt(direction.dot.direction), constant(sqrt(tiny(1.0_wp)))))*direction
+        direction = direction - (direction.dot.axes(1)%z)*axes(1)%z
     end function tilt_direction
 
     !> Along which an angular velocity twists: halfway between the axes, the longer the more they are tilted. None where they are

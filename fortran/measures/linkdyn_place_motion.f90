@@ -185,7 +185,8 @@ contains
         end do
     end function directions_of
 
-    !> Rate of a tilt. Where the axes are parallel it is zero: no direction is better than another.
+    !> Rate of a tilt. Where the axes are parallel it is zero: no direction is better than another. Of axes that joints hold
+    !> parallel rounding has one of its own, which may lie along them: what turns about them tilts nothing.
     function tilt_rate(model, state, spec, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -200,6 +201,7 @@ contains
         sine = sqrt(normal.dot.normal)
         steepness = merge(1/max(sine, tiny(1.0_wp)), 0.0_wp, sine > 0)
         normal = steepness*normal
+        normal = normal - (normal.dot.axis(1))*axis(1)
         rate = normal.dot.turning_apart(model, state, spec, level)
         if (level /= level_given) return
         ! the direction about which the one tilts from the other is carried round by both

@@ -328,3 +328,22 @@ def test_designs_that_turn_a_key_are_designs_of_their_own() -> None:
         np.testing.assert_allclose(of_design, anew, rtol=0, atol=1e-12)
         np.testing.assert_allclose(varied, anew, rtol=0, atol=1e-12)
     assert np.abs(told[1] - told[0]).max() > 1
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_a_turn_about_the_axis_tilts_nothing(solver: str) -> None:
+    """The axes of a hinge stay parallel, whatever rounding makes of the angle between them: its rate was up to that of the hinge."""
+    axis = [0.3, -0.5, 0.7]
+    body = {"markers": {"H": {"at": [0, 0, 0], "axis": axis}}, "mass": 1.0, "inertia": {"diagonal": [0.1] * 3}}
+    scene = linkdyn.Scene({
+        "space": "spatial", "frame": {"markers": {"H": {"at": [0, 0, 0], "axis": axis}, "S": [0, 0, 0]}},
+        "link": [{"name": "rod"} | body, {"name": "sled", "mass": 1.0, "inertia": {"diagonal": [0.1] * 3}, "markers": {"S": [0, 0, 0]}}],
+        "joint": [{"name": "H", "type": "revolute", "between": ["frame.H", "rod.H"]}, {"name": "S", "type": "prismatic", "between": ["frame.S", "sled.S"]}],
+        "coordinate": [{"joint": "H"}, {"joint": "S"}], "actuator": [{"joint": "H"}, {"joint": "S"}],
+        "measures": {"lean": {"axes": ["frame.H", "rod.H"], "rate": True}},
+        "load": [{"on": "sled.S", "force": [0, 0, "lean*(1 N s/rad)"]}],
+    })  # fmt: skip
+    angle = np.linspace(-3, 3, 200)
+    run = scene.inverse(q=np.column_stack([angle, 0 * angle]), qd=np.tile([2.0, 0.0], (200, 1)), want="driving_force", solver=solver)
+    assert (run.status == 0).all()
+    assert np.abs(run.driving_force.sel(actuator="S")).max() < 1e-14
