@@ -22,9 +22,10 @@ module linkdyn_singularity
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad, attitude_angles
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy
     use linkdyn_vec2, only: rot2, operator(+), operator(*)
-    use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
+    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: singularity_space, prepare_singularity, find_singularity_distance
@@ -81,9 +82,12 @@ contains
         integer :: k, lane
 
         call singular_vectors(condition, state, factors, space%left, space%right, sigma)
-        steepness = 0
         do k = 1, model%n_q
             call change_of_sigma(model, condition, state, k, factors, space, space%gradient(:, k))
+        end do
+        if (.not. model%is_planar) call take_angles_of_poses(model, state, space%gradient)
+        steepness = 0
+        do k = 1, model%n_q
             space%gradient(:, k) = space%gradient(:, k)/space%unit(k)
             steepness = steepness + space%gradient(:, k)**2
         end do
@@ -95,6 +99,26 @@ contains
             if (.not. is_posed(state, lane)) distance(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
         end do
     end subroutine find_singularity_distance
+
+    !> Columns of a pose are those of its angular velocity, its coordinates are angles: each turns about an axis of its own.
+    subroutine take_angles_of_poses(model, state, gradient)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: gradient(:, :)      !! (lane, n_q)
+        type(rpy_rotation) :: attitude
+        type(vec3) :: of_turn
+        integer :: i
+
+        do i = 1, size(model%step)
+            if (model%step(i)%kind /= step_pose) cycle
+            associate (c => attitude_angles(model%step(i)))
+                call rotate_rpy(state%q(:, c(1)), state%q(:, c(2)), state%q(:, c(3)), attitude)
+                of_turn = vec3(gradient(:, c(1)), gradient(:, c(2)), gradient(:, c(3)))
+                gradient(:, c(2)) = of_turn.dot.attitude%pitch_axis
+                gradient(:, c(3)) = of_turn.dot.attitude%r%z
+            end associate
+        end do
+    end subroutine take_angles_of_poses
 
     !> The way until the links of some dyad are in line, if it is shorter.
     subroutine look_at_reach(model, state, space, distance)

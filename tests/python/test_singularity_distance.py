@@ -5,11 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import linkdyn
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "hard"))
@@ -103,6 +106,53 @@ def ends_apart(left: float, right: float) -> tuple[float, np.ndarray]:
     d = np.array([3.0 + 1.2 * np.cos(right), 1.2 * np.sin(right)])
     way = (d - b) / np.linalg.norm(d - b)
     return float(np.linalg.norm(d - b)), np.array([-way @ [-b[1], b[0]], way @ [-d[1], d[0] - 3.0]])
+
+
+def hexapod(rng: np.random.Generator) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
+    """A platform on six legs between balls, feet and tops anywhere."""
+    feet, tops = rng.normal(0, [1, 1, 0.3], (6, 3)), rng.normal(0, [0.6, 0.6, 0.2], (6, 3))
+    leg = {"type": "SPS", "name": "leg", "base": [f"frame.B{i}" for i in range(6)], "platform": [f"table.P{i}" for i in range(6)],
+           "lower": {"mass": 0}, "upper": {"mass": 0}}
+    table = {"name": "table", "mass": 5.0, "inertia": {"diagonal": [1.0, 1.0, 1.5]}, "markers": {f"P{i}": p.tolist() for i, p in enumerate(tops)}}
+    scene = {"space": "spatial", "frame": {"markers": {f"B{i}": p.tolist() for i, p in enumerate(feet)}}, "link": [table], "chain": [leg],
+             "coordinate": [{"link": "table"}]}
+    return scene, feet, tops
+
+
+def volume(pose: np.ndarray, feet: np.ndarray, tops: np.ndarray) -> float:
+    """Determinant of the legs' lines, zero where no six forces along them are determined."""
+    arm = Rotation.from_euler("XYZ", pose[3:]).apply(tops)
+    line = pose[:3] + arm - feet
+    line /= np.linalg.norm(line, axis=1)[:, np.newaxis]
+    return float(np.linalg.det(np.hstack([line, np.cross(arm, line)])))
+
+
+def test_turned_platforms() -> None:
+    """Hexapods anywhere near a singular pose, turned by up to a radian and more: to the nearest one in coordinates, which are angles. The
+    engine's own columns of a pose are those of its angular velocity, along which it was up to a third longer or shorter."""
+    rng = np.random.default_rng(5)
+    seen = 0
+    while seen < 12:
+        scene, feet, tops = hexapod(rng)
+        begin, way = np.append([0, 0, 1.5], rng.uniform(-1.2, 1.2, 3)), rng.normal(size=6)
+        sides = [volume(begin + s * way, feet, tops) for s in np.linspace(0, 1, 200)]
+        change = np.flatnonzero(np.diff(np.sign(sides)))
+        if not len(change):
+            continue
+        at = brentq(lambda s: volume(begin + s * way, feet, tops), *np.linspace(0, 1, 200)[change[0] + np.arange(2)], xtol=1e-15)
+        pose = begin + at * way - 1e-4 * way / np.linalg.norm(way)
+        if abs(np.cos(pose[4])) < 0.2:
+            continue
+        run = linkdyn.Scene(scene).inverse(q=pose[np.newaxis], want="singularity_distance")
+        unit = np.append(np.ones(3), np.full(3, run.singularity_distance.attrs["length"]))
+        near = pose.copy()
+        for _ in range(20):
+            slope = np.array([volume(near + h, feet, tops) - volume(near - h, feet, tops) for h in 1e-6 * np.eye(6)]) / 2e-6 / unit
+            near = pose + slope * (slope @ ((near - pose) * unit) - volume(near, feet, tops)) / (slope @ slope) / unit
+        exact = np.linalg.norm((near - pose) * unit)
+        # Of what is left out, the second order, the curvature of the surface may be some ten over the size.
+        assert abs(run.singularity_distance.values[0] / exact - 1) < 30 * exact
+        seen += 1
 
 
 def test_every_solver_and_size() -> None:
