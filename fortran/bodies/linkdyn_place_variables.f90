@@ -7,9 +7,10 @@ module linkdyn_place_variables
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
-        measure_twist, marker_at, marker_axes_at
+        measure_twist, least_openness, marker_at, marker_axes_at
     use linkdyn_kinds, only: wp
-    use linkdyn_value, only: value, constant, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, reciprocal
+    use linkdyn_value, only: value, constant, zero, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, &
+        reciprocal, select
     use linkdyn_vector, only: vector, rotation, vector_of, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -23,7 +24,7 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec         !! one of a place
         type(value) :: number
-        type(value) :: angle(3)
+        type(value) :: angle(3), open
         type(vector) :: gap, normal
         type(rotation) :: axes(2)
 
@@ -43,6 +44,8 @@ contains
             axes = marker_axes(mechanism, spec)
             number = near(atan2((axes(2)%x .dot.axes(1)%y) - (axes(2)%y .dot.axes(1)%x), &
                                 (axes(2)%x .dot.axes(1)%x) + (axes(2)%y .dot.axes(1)%y)))
+            open = openness(axes)
+            number = select(open, number, reciprocal(open))
         case default
             angle = angles_of_rotation(relative_attitude(mechanism, spec))
             number = near(angle(spec%component))
@@ -125,8 +128,8 @@ contains
         direction = direction - (direction.dot.axes(1)%z)*axes(1)%z
     end function tilt_direction
 
-    !> Along which an angular velocity twists: halfway between the axes, the longer the more they are tilted. None where they are
-    !> opposite.
+    !> Along which an angular velocity twists: halfway between the axes, the longer the more they are tilted. Not finite where they
+    !> are opposite.
     function twist_direction(mechanism, spec) result(direction)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -134,8 +137,17 @@ contains
         type(rotation) :: axes(2)
 
         axes = marker_axes(mechanism, spec)
-        direction = reciprocal(constant(1.0_wp) + (axes(1)%z .dot.axes(2)%z))*(axes(1)%z + axes(2)%z)
+        direction = reciprocal(openness(axes))*(axes(1)%z + axes(2)%z)
     end function twist_direction
+
+    !> 1 + the cosine of the angle between two axes; 0 where they are opposite, within what leaves a twist three digits.
+    function openness(axes)
+        type(rotation), intent(in) :: axes(2)
+        type(value) :: openness
+
+        openness = constant(1.0_wp) + (axes(1)%z .dot.axes(2)%z)
+        openness = select(openness - least_openness, openness, zero())
+    end function openness
 
     !> One of the two points of a measure, in its link's own axes: the origin of the link that sees, or a marker.
     function place_point(mechanism, spec, side) result(point)

@@ -4,6 +4,7 @@
 !> Velocities and columns of accelerations obey the same linear maps; what is given has centripetal and Coriolis parts besides (levels
 !> as in `linkdyn_planar_motion`). Needs positions and velocities, angular rates in world axes.
 module linkdyn_place_motion
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_motion, only: marker_axis, variables_of_relative
     use linkdyn_joint_rates, only: joint_rate, measure_variable
@@ -16,7 +17,7 @@ module linkdyn_place_motion
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, measure_twist, &
-        marker_axes_at
+        least_openness, marker_axes_at
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
     use linkdyn_whole_turns, only: nearest_turns
@@ -52,6 +53,7 @@ contains
             x = directions_of(model, state, spec, 1)
             y = directions_of(model, state, spec, 2)
             value = near(atan2((x(2) .dot.y(1)) - (y(2) .dot.x(1)), (x(2) .dot.x(1)) + (y(2) .dot.y(1))))
+            where (.not. openness(directions_of(model, state, spec, 3)) > 0) value = ieee_value(1.0_wp, ieee_quiet_nan)
         case default
             call measure_attitude(model, state, spec, angle, rate)
             value = near(angle(:, spec%component))
@@ -212,6 +214,15 @@ contains
         rate = rate + (change.dot.turning_apart(model, state, spec, level_velocity))
     end function tilt_rate
 
+    !> 1 + the cosine of the angle between two axes; 0 where they are opposite.
+    pure function openness(axis)
+        type(vec3), intent(in) :: axis(2)
+        real(wp) :: openness(lanes)
+
+        openness = 1 + (axis(1) .dot.axis(2))
+        where (openness < least_openness) openness = 0
+    end function openness
+
     !> Rate of a twist: the angular velocity halfway between the axes. Not finite where these are opposite.
     function twist_rate(model, state, spec, level) result(rate)
         type(model_type), intent(in) :: model
@@ -224,7 +235,7 @@ contains
         integer :: side
 
         axis = directions_of(model, state, spec, 3)
-        share = 1/(1 + (axis(1) .dot.axis(2)))
+        share = 1/openness(axis)
         direction = share*(axis(1) + axis(2))
         rate = direction.dot.turning_apart(model, state, spec, level)
         if (level /= level_given) return

@@ -31,8 +31,7 @@ module linkdyn_scene
     public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at, marker_frame
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
-        measure_tilt, measure_twist, &
-        is_place
+        measure_tilt, measure_twist, least_openness, is_place
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
@@ -80,6 +79,8 @@ module linkdyn_scene
     integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
     integer, parameter :: measure_tilt = 8         !! angle between the axes of two markers, 0 to pi
     integer, parameter :: measure_twist = 9        !! of one marker against another about their axes, once the tilt is taken back
+    !> 1 + the cosine of the angle between the axes of a twist; below, they are opposite, and it has less than three digits
+    real(wp), parameter :: least_openness = 1000*epsilon(1.0_wp)
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1

@@ -347,3 +347,22 @@ def test_a_turn_about_the_axis_tilts_nothing(solver: str) -> None:
     run = scene.inverse(q=np.column_stack([angle, 0 * angle]), qd=np.tile([2.0, 0.0], (200, 1)), want="driving_force", solver=solver)
     assert (run.status == 0).all()
     assert np.abs(run.driving_force.sel(actuator="S")).max() < 1e-14
+
+
+@pytest.mark.parametrize("rate", [False, True])
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_opposite_axes_have_no_twist(solver: str, rate: bool) -> None:
+    """Nothing says by which way a lean of half a turn is taken back: of two markers against each other on one hinge rounding told it."""
+    body = {"mass": 1.0, "inertia": {"diagonal": [0.1] * 3}}
+    scene = linkdyn.Scene({
+        "space": "spatial", "frame": {"markers": {"H": {"at": [0, 0, 0], "axis": [0.3, -0.5, 0.7]}, "S": [0, 0, 0]}},
+        "link": [{"name": "rod", "markers": {"H": {"at": [0, 0, 0], "axis": [0.3, -0.5, 0.7]}, "end": {"at": [0, 0, 0], "axis": [-0.3, 0.5, -0.7]}}} | body,
+                 {"name": "sled", "markers": {"S": [0, 0, 0]}} | body],
+        "joint": [{"name": "H", "type": "revolute", "between": ["frame.H", "rod.H"]}, {"name": "S", "type": "prismatic", "between": ["frame.S", "sled.S"]}],
+        "coordinate": [{"joint": "H"}, {"joint": "S"}], "actuator": [{"joint": "H"}, {"joint": "S"}],
+        "measures": {"turn": {"twist": ["frame.H", "rod.end"], "rate": rate}},
+        "load": [{"on": "sled.S", "force": [0, 0, "turn*(1 N s/rad)" if rate else "turn*(1 N/rad)"]}],
+    })  # fmt: skip
+    angle = np.linspace(-3, 3, 50)
+    run = scene.inverse(q=np.column_stack([angle, 0 * angle]), qd=np.tile([2.0, 0.0], (50, 1)), want="driving_force", solver=solver)
+    assert (run.status == 4).all()
