@@ -2,6 +2,7 @@
 !>
 !> Needs positions and velocities, angular rates in world axes, and the instant of the state.
 module linkdyn_measures
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -14,7 +15,7 @@ module linkdyn_measures
     use linkdyn_place_motion, only: place_value, place_rate
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_spring, measure_touch, n_event, &
-        n_clutch, pulls_in_line
+        n_clutch, pulls_in_line, least_openness, loses_itself_at_pole
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
@@ -104,11 +105,19 @@ contains
         type(measure_spec), intent(in) :: spec
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: number(lanes)
-        real(wp) :: value(lanes), rate(lanes)
+        integer, parameter :: pitch = 2
+        real(wp), dimension(lanes) :: value, rate, angle, speed
 
         select case (spec%kind)
         case (measure_joint)
             call measure_variable(model, state, spec%joint, spec%variable, spread(spec%near, 1, lanes), value, rate)
+            if (loses_itself_at_pole(model%scene, spec)) then
+                call measure_variable(model, state, spec%joint, pitch, spread(0.0_wp, 1, lanes), angle, speed)
+                where (cos(angle) < least_openness)
+                    value = ieee_value(1.0_wp, ieee_quiet_nan)
+                    rate = value
+                end where
+            end if
         case (measure_spring)
             call measure_spring_length(model, model%scene%spring(spec%spring), state, value, rate)
             value = value - model%scene%spring(spec%spring)%rest

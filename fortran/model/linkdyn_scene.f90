@@ -31,7 +31,7 @@ module linkdyn_scene
     public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at, marker_frame
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
-        measure_tilt, measure_twist, least_openness, is_place
+        measure_tilt, measure_twist, least_openness, is_place, loses_itself_at_pole
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
@@ -79,7 +79,8 @@ module linkdyn_scene
     integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
     integer, parameter :: measure_tilt = 8         !! angle between the axes of two markers, 0 to pi
     integer, parameter :: measure_twist = 9        !! of one marker against another about their axes, once the tilt is taken back
-    !> 1 + the cosine of the angle between the axes of a twist; below, they are opposite, and it has less than three digits
+    !> 1 + the cosine of the angle between the axes of a twist, and the cosine of a ball's pitch: below, they are opposite, and at the
+    !> pole, and what is told has less than three digits
     real(wp), parameter :: least_openness = 1000*epsilon(1.0_wp)
 
     ! ---- axes in which a load's components are given
@@ -667,6 +668,20 @@ contains
         pulls_in_line = spring%joint == 0 .and. spring%measure == 0 &
                         .and. (spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none)
     end function pulls_in_line
+
+    !> Is a measure roll or yaw of a ball, or its rate? Where the ball's pitch is a right angle they have no value of their own; but as
+    !> coordinates they are what is given.
+    pure logical function loses_itself_at_pole(scene, measure)
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: measure
+        integer, parameter :: pitch = 2
+
+        loses_itself_at_pole = .false.
+        if (measure%kind /= measure_joint) return
+        if (scene%joint(measure%joint)%kind /= joint_spherical .or. measure%variable == pitch) return
+        loses_itself_at_pole = .not. any(scene%coordinate%kind == coordinate_joint .and. scene%coordinate%joint == measure%joint &
+                                         .and. scene%coordinate%variable == measure%variable)
+    end function loses_itself_at_pole
 
     !> Does a measure tell where something is, by coordinates alone? Forces and impulses may act along such a one.
     pure elemental logical function is_place(measure)

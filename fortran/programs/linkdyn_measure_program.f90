@@ -9,11 +9,11 @@ module linkdyn_measure_program
     use linkdyn_place_variables, only: place_value, place_rate
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_spring, measure_distance, measure_attitude, &
-        measure_tilt, measure_twist, side_joint, side_opening
+        measure_tilt, measure_twist, least_openness, loses_itself_at_pole, side_joint, side_opening
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_springs, only: measure_spring_stretch
     use linkdyn_trace, only: traced_type, trace_motion
-    use linkdyn_value, only: value, zero
+    use linkdyn_value, only: value, zero, cos, reciprocal, select, operator(-)
     implicit none (type, external)
     private
     public :: make_measure_program, out_measures
@@ -74,9 +74,24 @@ contains
             else
                 number = place_value(mechanism, spec)
             end if
+            if (loses_itself_at_pole(mechanism%model%scene, spec)) number = away_from_pole(mechanism, spec%joint, number)
         case (measure_spring)
             call measure_spring_stretch(mechanism, spec%spring, found(1), found(2))
             number = found(merge(2, 1, spec%is_rate))
         end select
     end function measured
+
+    !> A number that a ball does not tell at its pole: not finite there.
+    function away_from_pole(mechanism, ball, number) result(told)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: ball
+        type(value), intent(in) :: number
+        type(value) :: told
+        type(value) :: cosine
+        integer, parameter :: pitch = 2
+
+        cosine = cos(one_variable(mechanism, ball, pitch))
+        cosine = select(cosine - least_openness, cosine, zero())
+        told = select(cosine, number, reciprocal(cosine))
+    end function away_from_pole
 end module linkdyn_measure_program

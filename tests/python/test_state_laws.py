@@ -645,3 +645,29 @@ samples = 9
     assert scene.inverse(q, np.sin(q) + 2, error=True).error.max() < 1e-12
     run = scene.forward(error=True)
     assert run.q_error[1:].max() < 1e-7 and run.driving_force_error[1:].max() < 1e-6
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_angles_that_a_ball_does_not_tell(solver: str) -> None:
+    """A ball in a four-bar whose pitch stays at a right angle: roll and yaw are rounding there, a law over them has no value; pitch has."""
+    body = {"mass": 1.0, "inertia": {"diagonal": [0.1] * 3}}
+
+    def status(variable: str, rate: bool) -> set[int]:
+        scene = linkdyn.Scene({
+            "space": "spatial", "frame": {"markers": {"A": [0, 0, 0], "C": [2.0, 0.2, 0], "S": [0, 0, 0]}},
+            "link": [{"name": "crank", "markers": {"A": [0, 0, 0], "P": {"at": [0.3, 0, 0], "axis": [1, 0, 0], "x": [0, 0, 1]}}} | body,
+                     {"name": "rod", "markers": {"P": [0, 0, 0], "Q": [1.5, 0, 0]}} | body,
+                     {"name": "rocker", "markers": {"C": [0, 0, 0], "Q": [1.0, 0, 0]}} | body, {"name": "sled", "markers": {"S": [0, 0, 0]}} | body],
+            "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]}, {"name": "P", "type": "spherical", "between": ["crank.P", "rod.P"]},
+                      {"name": "Q", "type": "revolute", "between": ["rod.Q", "rocker.Q"]}, {"name": "C", "type": "revolute", "between": ["frame.C", "rocker.C"]},
+                      {"name": "S", "type": "prismatic", "between": ["frame.S", "sled.S"]}],
+            "coordinate": [{"joint": "A", "start": 0.6}, {"joint": "S"}], "actuator": [{"joint": "A"}, {"joint": "S"}],
+            "measures": {"turn": {"joint": "P", "variable": variable, "rate": rate}},
+            "load": [{"on": "sled.S", "force": [0, 0, "turn*(1 N s/rad)" if rate else "turn*(1 N/rad)"]}],
+        })  # fmt: skip
+        angle = np.linspace(0.3, 0.9, 20)
+        run = scene.inverse(q=np.column_stack([angle, 0 * angle]), qd=np.tile([2.0, 0.0], (20, 1)), want="driving_force", solver=solver)
+        return set(run.status.values.tolist())
+
+    assert all(status(variable, rate) == {4} for variable in ("roll", "yaw") for rate in (False, True))
+    assert all(status("pitch", rate) == {0} for rate in (False, True))
