@@ -842,7 +842,7 @@ class Scene:
         LinkdynError
             Neither inverse nor forward dynamics of the scene can be computed.
         """
-        return run_study(self.text, self.folder, None if t_end is None else as_number("t_end", t_end))
+        return run_study(self.text, self.folder, None if t_end is None else float(self._output_instants(t_end)[-1]))
 
     def sweep(
         self,
