@@ -13,7 +13,7 @@ module linkdyn_equations
     use linkdyn_closed_forms, only: flag_closed_forms
     use linkdyn_catalogue, only: result_driving_force, result_qdd, result_reaction, result_joint_push
     use linkdyn_cholesky, only: solve_cholesky
-    use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_press
+    use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_equation_kernels, only: equation_kernels, answer_kernels, make_kernels, free_kernels, need_solving, need_answers, &
         need_sliding, slides_or_pulls, kernel_family, join_family, takes_numbers
@@ -562,7 +562,8 @@ contains
         if (.not. slides_or_pulls(model)) return
         if (.not. workspace%has_sliding) call need_sliding(model, equations%kernels)
         workspace%has_sliding = .true.
-        workspace%numbers%of(in_sense)%x = workspace%friction%sense(:, :size(model%contact))
+        workspace%numbers%of(in_sense)%x = reshape(workspace%friction%sense(:, :, :size(model%contact)), &
+                                                   [lanes, n_part*size(model%contact)])
         call run_on_lanes(equations%kernels%sliding, workspace%n_used, workspace%state, workspace%numbers, workspace%of_sliding)
         associate (lane => equations%kernels%sliding, found => workspace%of_sliding%found)
             first = first_output(lane, out_square)

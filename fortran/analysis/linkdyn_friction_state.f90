@@ -1,7 +1,7 @@
 !> Friction of a block of lanes: how contacts slide, what presses them, how much they rub. Contacts are those of joints, then drives
 !> that lose some of what they transmit.
 module linkdyn_friction_state
-    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, sliding_coefficient, pressing
+    use linkdyn_contact, only: contact_type, n_press, n_part, friction_of_speed, sliding_coefficient, pressing
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: driven_type
@@ -14,8 +14,9 @@ module linkdyn_friction_state
         real(wp), allocatable :: press(:, :, :)        !! what contacts feel (lane, n_press, contact) [N]
         real(wp), allocatable :: amount(:, :)          !! friction over the speed of the surfaces [N s/m]; of drives friction at the
                                                        !! joint variable [N, N m] (lane, contact)
-        real(wp), allocatable :: sense(:, :)           !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2;
-                                                       !! 0: smooth over their speed (lane, contact)
+        real(wp), allocatable :: sense(:, :, :)        !! of contacts that may stick: they slide that way, a unit vector over the joint
+                                                       !! variables along which they do, its parts as surfaces slide, or hold, (2, 0, 0);
+                                                       !! 0: smooth over their speed (lane, n_part, contact)
         real(wp), allocatable :: driven(:, :, :)       !! of that, what drives wheels apart: the force along their pitch circles (0), and
                                                        !! what is felt for each newton of its size (lane, 0:n_press, model%driven)
         ! ---- what each amount does to what presses, wherever stops and clutches push
@@ -35,7 +36,7 @@ contains
         allocate (friction%driven(lanes, 0:n_press, n_driven), friction%mesh_slope(lanes, n_driven, n), source=0.0_wp)
         allocate (friction%has_slope(lanes, n), source=.false.)
         allocate (friction%factor(lanes, n), friction%press(lanes, n_press, n), friction%amount(lanes, n), &
-                  friction%sense(lanes, n), source=0.0_wp)
+                  friction%sense(lanes, n_part, n), source=0.0_wp)
     end subroutine prepare_friction
 
     !> Factors of the joints' contacts, by how fast they slide. One that holds does not rub, one that slides one way rubs as a surface does
@@ -49,11 +50,11 @@ contains
 
         do i = 1, size(contact)
             do lane = 1, lanes
-                associate (sense => friction%sense(lane, i), factor => friction%factor(lane, i))
+                associate (sense => maxval(abs(friction%sense(lane, :, i))), factor => friction%factor(lane, i))
                     speed = sqrt(max(square(lane, i), 0.0_wp))
-                    if (abs(sense) > 1) then
+                    if (sense > 1.5_wp) then
                         factor = 0
-                    else if (abs(sense) > 0) then
+                    else if (sense > 0) then
                         factor = sliding_coefficient(contact(i), speed)/speed
                     else
                         factor = friction_of_speed(contact(i), speed)

@@ -3,6 +3,7 @@
 module linkdyn_given_numbers
     use linkdyn_base_motion, only: n_base, evaluate_base
     use linkdyn_constants, only: two_pi
+    use linkdyn_contact, only: n_part
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_pull, in_base, in_payload, in_friction, in_counted, in_effort, &
         in_target, in_stop, in_clutch, in_sense, in_unknown, in_number, in_shared
     use linkdyn_joint_rates, only: measure_variable
@@ -35,7 +36,7 @@ contains
         call make(in_base, n_base)
         call make(in_payload, size(model%payload))
         call make(in_friction, size(model%contact))
-        call make(in_sense, size(model%contact))
+        call make(in_sense, n_part*size(model%contact))
         call make(in_shared, merge(6*model%n_joint, 0, friction_is_shared(model)))
         call make(in_effort, model%n_actuator)
         call make(in_target, 2*model%n_actuator)

@@ -71,9 +71,10 @@ module linkdyn_joint_table
         "", "", ""], [3, n_kind])
     logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
-    !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
+    !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second. Of
+    !> three angles these are the axes in which turning is told, not those that the angles go about.
     integer, parameter :: variable_axis(3, n_kind) = &
-        merge(1, merge(2, 3, variable_name == "y"), variable_name == "x")
+        merge(1, merge(2, 3, variable_name == "y" .or. variable_name == "pitch"), variable_name == "x" .or. variable_name == "roll")
     integer, parameter :: most_slides = 2
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_kind) = &

@@ -4,6 +4,7 @@
 !> constant, and folds away.
 module linkdyn_inputs
     use linkdyn_base_motion, only: base_is_felt
+    use linkdyn_contact, only: n_part, part_of, holds_contact
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
     use linkdyn_link_motion, only: motion_places, place_motion
@@ -41,7 +42,8 @@ module linkdyn_inputs
     integer, parameter :: in_motion = 17        !! how links stand and move, as `linkdyn_link_motion` lists it
     integer, parameter :: in_stop = 18          !! pushes of hard stops, away from these (n_stop) [N, N m]
     integer, parameter :: in_clutch = 19        !! forces of clutches, at their first variable (n_clutch) [N, N m]
-    integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2; 0: smooth (n_contact)
+    integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, a unit vector over the joint variables
+                                                !! of each, or hold, 2; 0: smooth (n_part n_contact)
     integer, parameter :: in_unknown = 21       !! unknowns of the equations, once somebody has found them (n_unknown)
     integer, parameter :: in_transposed = 22    !! right-hand sides of the transposed equations (n_unknown)
     integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6 n_joint)
@@ -129,7 +131,7 @@ contains
         call add(in_clutch, [(request%motion_is_given, k=1, n_clutch(model%scene))])
         call add(in_shared, [(request%motion_is_given .and. request%has_friction .and. friction_is_shared(model), &
                               k=1, 6*model%n_joint)])
-        call add(in_sense, [(request%motion_is_given .and. may_stick(model, k), k=1, size(model%contact))])
+        call add(in_sense, [((request%motion_is_given .and. may_stick(model, k, i), i=1, n_part), k=1, size(model%contact))])
 
     contains
 
@@ -180,16 +182,16 @@ contains
         call add_block(block, spread(.true., 1, n), sample, blocks)
     end subroutine add_inputs
 
-    !> Is a contact one of a joint whose friction may hold it?
-    pure logical function may_stick(model, i)
+    !> Is a contact one that may be held along this one of the joint variables along which it slides?
+    pure logical function may_stick(model, i, part)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: i
+        integer, intent(in) :: i, part
         integer :: k
 
         may_stick = .false.
         do k = 1, n_clutch(model%scene)
-            associate (clutch => model%scene%clutch(k))
-                may_stick = may_stick .or. (clutch%friction > 0 .and. clutch%joint(1) == model%contact(i)%joint)
+            associate (clutch => model%scene%clutch(k), contact => model%contact(i))
+                may_stick = may_stick .or. (holds_contact(clutch, contact) .and. part_of(contact, clutch) == part)
             end associate
         end do
     end function may_stick

@@ -235,7 +235,8 @@ contains
                 associate (clutch => model%scene%clutch(i), force => traced%in%of(in_clutch)%v(i))
                     if (clutch%friction > 0) then
                         if (.not. is_zero(force)) &
-                            traced%acting = [traced%acting, holding_wrench(traced%mechanism, clutch%joint(1), force)]
+                            traced%acting = [traced%acting, holding_wrench(traced%mechanism, clutch%joint(1), &
+                                                               clutch%variable(1), force)]
                     else
                         call push(clutch%joint(1), clutch%variable(1), force)
                     end if

@@ -4,8 +4,9 @@ module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_belts, only: strand_forces
     use linkdyn_bodies, only: world_axes, omega_of, point_position
-    use linkdyn_contact, only: contact_type, is_mesh, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
-        form_thread, form_plate, form_cam, form_mesh, form_worm, form_belt
+    use linkdyn_contact, only: contact_type, is_mesh, lever_of, no_speed, slides_along_several, n_part, n_press, &
+        form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_cam, form_mesh, form_worm, &
+        form_belt
     use linkdyn_cam, only: cam
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_table, only: joint_belt
@@ -37,20 +38,20 @@ contains
     !> All contacts.
     subroutine move_contacts(mechanism, sense, contact)
         type(mechanism_type), intent(in) :: mechanism
-        type(value), intent(in) :: sense(:)            !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2; else 0
+        type(value), intent(in) :: sense(:)            !! of contacts that may stick, as of `friction_state`, one after the other
         type(contact_motion), allocatable, intent(out) :: contact(:)
         integer :: i
 
         allocate (contact(size(mechanism%model%contact)))
         do i = 1, size(contact)
-            call move_contact(mechanism, i, sense(i), contact(i))
+            call move_contact(mechanism, i, sense(n_part*(i - 1) + 1:n_part*i), contact(i))
         end do
     end subroutine move_contacts
 
     subroutine move_contact(mechanism, i, sense, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
-        type(value), intent(in) :: sense
+        type(value), intent(in) :: sense(n_part)
         type(contact_motion), intent(out) :: motion
         type(rotation) :: frame
         type(value), allocatable :: rate(:)
@@ -71,21 +72,24 @@ contains
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
                     if (contact%form == form_mesh) motion%way = way_of_power(mechanism, i)
+                    if (.not. all(is_zero(sense))) motion%turn = turn_one_way(mechanism, contact, sense, motion%turn)
                 else
                     motion%turning = bodies%body(link(contact%side))%turning
                     frame = told_marker_frame(mechanism, contact%joint, contact%side)
                     motion%axis = frame%z
                     rate = joint_rates(mechanism, contact%joint)
+                    if (any(contact%form == [form_pin, form_collar])) rate = [rate(contact%side)]
+                    rate = one_way(contact, sense, rate)
                     select case (contact%form)
                     case (form_pin, form_collar)
-                        motion%turn = one_way(contact, sense, rate(contact%side))*frame%z
+                        motion%turn = rate(1)*frame%z
                     case (form_guide)
-                        motion%slide = one_way(contact, sense, rate(1))*frame%z
+                        motion%slide = rate(1)*frame%z
                     case (form_bush)
                         motion%turn = rate(1)*frame%z
                         motion%slide = rate(2)*frame%z
                     case (form_thread)
-                        motion%turn = one_way(contact, sense, rate(1))*frame%z
+                        motion%turn = rate(1)*frame%z
                         motion%slide = contact%pitch*motion%turn
                     case (form_plate)
                         motion%slide = rate(1)*frame%x + rate(2)*frame%y
@@ -218,21 +222,60 @@ contains
         end if
     end subroutine pass_belt
 
-    !> The rate of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
-    !> rounding it is taken to slide at a speed that is none.
+    !> The rates of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
+    !> rounding it is taken to slide at a speed that is none. What goes across stays as it is.
     function one_way(contact, sense, rate) result(r)
         type(contact_type), intent(in) :: contact
-        type(value), intent(in) :: sense               !! +1, -1, or anything else: the rate as it is
-        type(value), intent(in) :: rate                !! of the joint variable
-        type(value) :: r
-        real(wp), parameter :: none = 1.0e-9_wp        !! of the creep speed
-        type(value) :: least
+        type(value), intent(in) :: sense(n_part)       !! a unit vector, or anything else: the rates as they are
+        type(value), intent(in) :: rate(:)             !! of the joint variables along which it slides
+        type(value) :: r(size(rate))
+        type(value) :: along, square, across, least
+        integer :: k
 
         r = rate
-        if (is_zero(sense)) return
-        least = constant(none*contact%creep_speed/lever_of(contact))
-        r = select(0.5_wp - abs(abs(sense) - 1.0_wp), sense*max(sense*rate, least), rate)
+        if (all(is_zero(sense))) return
+        if (.not. slides_along_several(contact)) then
+            least = constant(no_speed(contact)/lever_of(contact, 1))
+            r(1) = select(0.5_wp - abs(abs(sense(1)) - 1.0_wp), sense(1)*max(sense(1)*rate(1), least), rate(1))
+            return
+        end if
+        along = zero()
+        square = zero()
+        do k = 1, size(rate)
+            along = along + lever_of(contact, k)*(sense(k)*rate(k))
+            square = square + sense(k)*sense(k)
+        end do
+        do k = 1, size(rate)
+            if (.not. lever_of(contact, k) > 0) cycle
+            across = rate(k) - (1/lever_of(contact, k))*(sense(k)*along)
+            r(k) = across + (no_speed(contact)/lever_of(contact, k))*sense(k)
+            r(k) = select(along - no_speed(contact), rate(k), r(k))
+            r(k) = select(0.5_wp - abs(square - 1.0_wp), r(k), rate(k))
+        end do
     end function one_way
+
+    !> The same of a ball, about the axes of its first marker.
+    function turn_one_way(mechanism, contact, sense, turn) result(one)
+        type(mechanism_type), intent(in) :: mechanism
+        type(contact_type), intent(in) :: contact
+        type(value), intent(in) :: sense(n_part)
+        type(vector), intent(in) :: turn               !! world axes [rad/s]
+        type(vector) :: one, axis(3)
+        type(rotation) :: frame
+        type(value) :: rate(3)
+        integer :: k
+
+        associate (bodies => mechanism%bodies, link => mechanism%model%joint(contact%joint)%link(1))
+            frame = told_marker_frame(mechanism, contact%joint, 1)
+            axis = [frame%x, frame%y, frame%z]
+            do k = 1, 3
+                axis(k) = turned(bodies, axis(k), bodies%body(link)%turning, 0)
+                rate(k) = axis(k) .dot.turn
+            end do
+        end associate
+        rate = one_way(contact, sense, rate)
+        one = rate(1)*axis(1) + rate(2)*axis(2) + rate(3)*axis(3)
+    end function turn_one_way
 
     !> What a contact does to the second link, the opposite to the first.
     function friction_wrench(mechanism, i, motion, amount) result(acting)
@@ -250,20 +293,20 @@ contains
         end associate
     end function friction_wrench
 
-    !> What holds a joint that sticks, by its force at the joint variable. A thread holds along its surface, as it would rub: what
-    !> presses its flanks is then the reaction.
-    function holding_wrench(mechanism, joint, force) result(acting)
+    !> What holds a joint variable that sticks, by its force there. A thread holds along its surface, as it would rub: what presses its
+    !> flanks is then the reaction.
+    function holding_wrench(mechanism, joint, variable, force) result(acting)
         type(mechanism_type), intent(in) :: mechanism
-        integer, intent(in) :: joint
+        integer, intent(in) :: joint, variable
         type(value), intent(in) :: force               !! [N, N m]
         type(acting_type) :: acting
         integer :: i
 
-        acting = at_joint_variable(mechanism, joint, 1, force)
+        acting = at_joint_variable(mechanism, joint, variable, force)
         do i = 1, size(mechanism%model%contact)
             associate (contact => mechanism%model%contact(i))
                 if (contact%joint /= joint .or. contact%form /= form_thread) cycle
-                acting%moment = (1/lever_of(contact)**2)*acting%moment
+                acting%moment = (1/lever_of(contact, 1)**2)*acting%moment
                 acting%force = contact%pitch*acting%moment
                 acting%moment = contact%radius**2*acting%moment
             end associate

@@ -3,15 +3,16 @@
 !> A clutch that holds keeps its slip s at zero by the force f that this takes; one that slips gives f = -c sign(s), c its capacity. At an
 !> instant at which clutches have no slip it is decided together which of them hold (`share_load`): with the accelerations of their slips
 !> without them a and the response W to their forces, those that hold have a + W f = 0 and |f| <= c0, c0 >= c what a clutch holds, and
-!> the others slip where a + W f takes them, against f.
+!> the others slip where a + W f takes them, against f. Of those whose joint variables go together |f| is the length of a vector
+!> (`linkdyn_slip_parts`).
 module linkdyn_clutch_states
-    use linkdyn_contact_forces, only: solve_held
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_scene, only: scene_type, n_clutch
+    use linkdyn_slip_parts, only: find_way_loose, solve_together
     implicit none (type, external)
     private
-    public :: clutch_states, prepare_clutches, holds_anywhere, is_clutched, switch_clutches, set_guard, share_load
+    public :: clutch_states, prepare_clutches, holds_anywhere, is_clutched, switch_clutches, set_guard, share_load, response_beside
     public :: state_open, state_slips, state_holds
 
     integer, parameter :: state_open = 0, state_slips = 1, state_holds = 2
@@ -19,12 +20,14 @@ module linkdyn_clutch_states
     type :: clutch_states
         logical, allocatable :: is_closed(:, :)        !! (lane, n_clutch)
         logical, allocatable :: holds(:, :)            !! it is closed and has no slip (lane, n_clutch)
-        real(wp), allocatable :: sense(:, :)           !! of the slip, +1 or -1; 0: it has none (lane, n_clutch)
+        real(wp), allocatable :: sense(:, :)           !! of the slip, +1 or -1; 0: it has none; of those that go together a unit vector,
+                                                       !! which way they slipped at the accepted state (lane, n_clutch)
         real(wp), allocatable :: capacity(:, :)        !! at the state evaluated last, when it slips [N, N m] (lane, n_clutch)
         real(wp), allocatable :: rub(:, :)             !! force there of those that slip [N, N m] (lane, n_clutch)
         real(wp), allocatable :: force(:, :)           !! of all there [N, N m] (lane, n_clutch)
         real(wp), allocatable :: applied(:, :)         !! of it all but what joints rub that may stick [N, N m] (lane, n_clutch)
-        real(wp), allocatable :: fastest(:, :)         !! slip so far [m/s, rad/s] (lane, n_clutch)
+        real(wp), allocatable :: fastest(:, :)         !! slip so far; of those that go together of their surface [m/s, rad/s]
+                                                       !! (lane, n_clutch)
         real(wp), allocatable :: ease(:, :)            !! largest response of a slip to its force so far [1/kg, ..] (lane, n_clutch)
         real(wp), allocatable :: kept(:, :)            !! where it holds the joint variables [m, rad] (lane, n_clutch)
         real(wp), allocatable :: switched(:, :)        !! last event that opened or closed it [s]; -huge: none (lane, n_clutch)
@@ -85,22 +88,25 @@ contains
         end do
     end subroutine switch_clutches
 
-    !> What is looked out for of a clutch from here.
-    pure subroutine set_guard(lane, i, states, guard_side, guard_scale)
+    !> What is looked out for of a clutch from here; of those that go together how far they still slip the way they did.
+    pure subroutine set_guard(lane, i, is_part, states, guard_side, guard_scale)
         integer, intent(in) :: lane, i                 !! clutch
+        logical, intent(in) :: is_part                 !! it goes with others
         type(clutch_states), intent(in) :: states
         real(wp), intent(inout) :: guard_side, guard_scale     !! of its event
 
         guard_side = 1
         guard_scale = 0
         if (.not. states%is_closed(lane, i) .or. states%holds(lane, i)) return
-        guard_side = states%sense(lane, i)
+        if (.not. is_part) guard_side = states%sense(lane, i)
         guard_scale = states%fastest(lane, i)
     end subroutine set_guard
 
     !> Which of the clutches without slip hold. Of what several could hold together the first take all: what is left for the
     !> others is none of it, until the first ones slip.
-    pure subroutine share_load(response, apart, most, capacity, may_slip, holds, sense)
+    subroutine share_load(lead, lever, response, apart, most, capacity, may_slip, holds, sense)
+        integer, intent(in) :: lead(:)                 !! the same of all that go together
+        real(wp), intent(in) :: lever(:)               !! speed of their surface over each slip; of others 1
         real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
         real(wp), intent(in) :: apart(:)               !! a: without their forces
         real(wp), intent(in) :: most(:)                !! c0: what each holds; huge: whatever comes [N, N m]
@@ -108,44 +114,108 @@ contains
         logical, intent(in) :: may_slip(:)             !! false: it holds both ways, as a stop does at which something rests
         logical, intent(inout) :: holds(:)             !! those that have to slip do not; then those that hold
         real(wp), intent(inout) :: sense(:)            !! of those that have to slip; then of all that slip
+        integer, parameter :: most_ways = 40           !! so often at most may surfaces turn that begin to slide
         real(wp), parameter :: rounded = 1.0e-12_wp
         real(wp), dimension(size(apart)) :: force, left, load
-        logical :: is_bound(size(apart))               ! it slips for good
+        logical, dimension(size(apart)) :: is_bound    ! it slips for good
+        logical, dimension(size(apart)) :: is_part     ! it goes with others
+        logical :: has_turned
         integer, allocatable :: held(:)
         integer :: i, k, turn
 
         is_bound = .not. holds
-        do turn = 1, 4*size(apart)
+        is_part = [(count(lead == lead(i)) > 1, i=1, size(apart))]
+        do turn = 1, 4*size(apart) + merge(most_ways, 0, any(is_part))
             force = merge(0.0_wp, -sense*capacity, holds)
             left = apart + matmul(response, force)
             held = pack([(i, i=1, size(apart))], holds)
-            force(held) = solve_held(response(held, held), -left(held))
+            force(held) = solve_together(lead(held), lever(held), response(held, held), -left(held))
             left = apart + matmul(response, force)
-            load = 0
-            where (holds .and. may_slip) load = abs(force)/max(most, tiny(1.0_wp))
+            load = [(norm2(pack(force/max(most, tiny(1.0_wp)), lead == lead(i))), i=1, size(apart))]
+            where (.not. (holds .and. may_slip)) load = 0
             k = maxloc(load, dim=1)
             if (load(k) > 1 + rounded) then
-                holds(k) = .false.
-                sense(k) = -sign(1.0_wp, force(k))
+                call let_go(k, -force/lever)
                 cycle
             end if
             ! Nothing moves what is driven on both sides.
             k = maxloc(abs(left), dim=1, mask=holds .and. may_slip)
             if (k > 0) then
                 if (abs(left(k)) > 1.0e-8_wp*maxval(abs(apart))) then
-                    holds(k) = .false.
-                    is_bound(k) = .true.
-                    sense(k) = sign(1.0_wp, left(k))
+                    call let_go(k, lever*left)
+                    where (lead == lead(k)) is_bound = .true.
                     cycle
                 end if
             end if
             ! What was let go of first may be held once others slip.
-            k = minloc(sense*left, dim=1, mask=.not. (holds .or. is_bound))
+            call turn_surfaces(has_turned)
+            if (has_turned) cycle
+            k = minloc(sense*left, dim=1, mask=.not. (holds .or. is_bound .or. is_part))
             if (k == 0) exit
             if (.not. sense(k)*left(k) < -rounded*maxval(abs(apart))) exit
             holds(k) = .true.
             is_bound(k) = .true.
         end do
         where (holds) sense = 0
+
+    contains
+
+        !> It slips, and what goes with it, this way.
+        subroutine let_go(k, way)
+            integer, intent(in) :: k
+            real(wp), intent(in) :: way(:)             !! of surfaces
+
+            associate (length => norm2(pack(way, lead == lead(k))))
+                where (lead == lead(k))
+                    holds = .false.
+                    sense = way/length
+                end where
+            end associate
+        end subroutine let_go
+
+        !> Surfaces that begin to slide along several joint variables do so the way that they keep, or may be held.
+        subroutine turn_surfaces(has_turned)
+            logical, intent(out) :: has_turned
+            real(wp), parameter :: turned = 1.0e-10_wp
+            integer, allocatable :: part(:)
+            real(wp), allocatable :: own(:, :), way(:)
+            logical :: is_held
+            integer :: i
+
+            has_turned = .false.
+            do i = 1, size(apart)
+                if (holds(i) .or. .not. is_part(i) .or. findloc(lead, lead(i), dim=1) /= i) cycle
+                part = pack([(k, k=1, size(apart))], lead == lead(i))
+                own = response_beside(response, part, held, lead, lever)
+                way = sense(part)
+                call find_way_loose(response_beside(response, part, part(:0), lead, lever), own, capacity(i)/lever(i), &
+                                    lever(part)*left(part), way, is_held)
+                if (is_held .and. .not. is_bound(i)) then
+                    holds(part) = .true.
+                    is_bound(part) = .true.
+                    has_turned = .true.
+                    return
+                end if
+                has_turned = has_turned .or. norm2(way - sense(part)) > turned
+                sense(part) = way
+            end do
+        end subroutine turn_surfaces
     end subroutine share_load
+
+    !> What the slips of one surface answer to forces there, as it slides, while others hold.
+    pure function response_beside(response, part, held, lead, lever) result(own)
+        real(wp), intent(in) :: response(:, :)         !! of all (of, by)
+        integer, intent(in) :: part(:), held(:)        !! which these are, and the others
+        integer, intent(in) :: lead(:)
+        real(wp), intent(in) :: lever(:)               !! both as of `share_load`
+        real(wp) :: own(size(part), size(part))
+        integer :: k
+
+        own = response(part, part)
+        do k = 1, size(part)
+            own(:, k) = own(:, k) - matmul(response(part, held), &
+                                        solve_together(lead(held), lever(held), response(held, held), response(held, part(k))))
+            own(:, k) = lever(part)*own(:, k)*lever(part(k))
+        end do
+    end function response_beside
 end module linkdyn_clutch_states

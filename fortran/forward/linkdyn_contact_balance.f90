@@ -4,12 +4,12 @@
 !> friction that is left is that of a mechanism that rubs and is held by nothing (`linkdyn_friction_balance`).
 module linkdyn_contact_balance
     use linkdyn_contact, only: contact_type, n_press, pressing
-    use linkdyn_contact_forces, only: solve_held
     use linkdyn_friction_balance, only: balance_friction, driven_press
     use linkdyn_friction_state, only: friction_state, linear_press
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: driven_type
+    use linkdyn_slip_parts, only: solve_together
     implicit none (type, external)
     private
     public :: contact_responses, balance_contacts
@@ -135,7 +135,9 @@ contains
     end subroutine take_away
 
     !> Pushes that give what is held the accelerations wanted, and the friction that there is with them, of one lane.
-    subroutine balance_contacts(contact, factor, is_held, wanted, lane, found, push, amount, holding)
+    subroutine balance_contacts(lead, lever, contact, factor, is_held, wanted, lane, found, push, amount, holding)
+        integer, intent(in) :: lead(:)                 !! both as of `linkdyn_slip_parts` (held)
+        real(wp), intent(in) :: lever(:)
         type(contact_type), intent(in) :: contact(:)
         real(wp), intent(in) :: factor(:)              !! friction over pressing force and speed (contact) [s/m]
         logical, intent(in) :: is_held(:)              !! (held)
@@ -155,9 +157,10 @@ contains
         push = 0
         by_amount = 0
         associate (response => found%of_push%away(lane, held, held))
-            push(held) = solve_held(response, wanted(held) - found%away(lane, held))
+            push(held) = solve_together(lead(held), lever(held), response, wanted(held) - found%away(lane, held))
             do k = 1, size(contact)
-                if (factor(k) > 0) by_amount(held, k) = solve_held(response, -found%of_amount%away(lane, held, k))
+                if (factor(k) > 0) by_amount(held, k) = &
+                    solve_together(lead(held), lever(held), response, -found%of_amount%away(lane, held, k))
             end do
         end associate
         press = found%press(lane, :, :)

@@ -1,14 +1,17 @@
 !> What clutches do where they close, open, come to rest or break loose: impulses of those without capacity, and who holds from there
 !> (`linkdyn_clutch_states` has the rule).
 submodule (linkdyn_forward_system) linkdyn_forward_clutches
-    use linkdyn_clutch_states, only: share_load, set_guard
+    use linkdyn_clutch_friction, only: carried_load
+    use linkdyn_clutch_states, only: share_load, response_beside, set_guard
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, rates_held, slips, speed_of_sides, push_coordinates, still_rates
     use linkdyn_measures, only: find_kept
     use linkdyn_motor_laws, only: is_on
-    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_slip_parts, only: goes_with_others, slip_levers, still_speeds, slip_speeds, slip_senses, &
+        with_lead, find_way_loose, list_held
     implicit none (type, external)
 
 contains
@@ -34,14 +37,16 @@ contains
         logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, cannot
         real(wp) :: rate(lanes, self%n)
         logical :: failed(lanes)
-        integer :: i
+        integer :: i, k
 
         if (.not. has_sticking(self%model)) return
         is_closed = self%clutch%is_closed
         do i = 1, size(cannot, 2)
             call self%evaluate_on_lanes(t, y, rate, failed)
-            cannot = self%clutch%holds .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
-                     .and. abs(self%clutch%force) > (1 + rounding)*self%clutch%capacity
+            do k = 1, size(cannot, 2)
+                cannot(:, k) = self%clutch%holds(:, k) .and. self%model%scene%clutch(k)%friction > 0 &
+                               .and. carried_load(self%model, k, self%clutch) > (1 + rounding)*self%clutch%capacity(:, k)
+            end do
             if (.not. any(cannot)) return
             call engage(self, t, y, is_closed, cannot)
         end do
@@ -92,15 +97,39 @@ contains
         slip = of_all(1, :)
     end procedure slips_at
 
+    !> Which way surfaces slide at an accepted state, once they do.
+    module procedure follow_slips
+        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: slip, speed, sense
+        real(wp) :: still_speed(n_clutch(self%model%scene))
+        logical :: is_part(n_clutch(self%model%scene))
+        integer :: i
+
+        if (.not. is_clutched(self%clutch)) return
+        is_part = goes_with_others(self%model%scene)
+        if (.not. any(spread(is_part, 1, lanes) .and. abs(self%clutch%sense) > 0)) return
+        call self%look_closely(t, y)
+        slip = slips(self%model, self%look, level_velocity)
+        speed = slip_speeds(self%model, slip)
+        sense = slip_senses(self%model, slip)
+        still_speed = still_speeds(self%model)
+        do i = 1, size(slip, 2)
+            if (.not. is_part(i)) cycle
+            where (is_accepted .and. self%clutch%is_closed(:, i) .and. .not. self%clutch%holds(:, i) &
+                   .and. speed(:, i) > still_speed(i)) self%clutch%sense(:, i) = sense(:, i)
+        end do
+    end procedure follow_slips
+
     !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds.
     module procedure engage
         real(wp), parameter :: same_instant = 4096     !! last places of the clock: steps behind an event are some tens long
         real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
         real(wp) :: y_before(lanes, self%n), loss(lanes)
-        logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free
-        logical :: is_concerned(lanes)
+        logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free, alone
+        logical :: is_concerned(lanes), is_part(size(is_closed, 2))
         integer :: lane, i
 
+        is_part = goes_with_others(self%model%scene)
+        alone = .not. spread(is_part, 1, lanes)
         y_before = y
         held = self%clutch%holds
         was_closed = self%clutch%is_closed
@@ -121,14 +150,16 @@ contains
         loss = 0
         if (any(locks)) call lock(self, t, y, positive .and. is_closed .and. spread(any(locks, dim=2), 2, size(locks, 2)), &
                                   impulse, loss)
-        call find_free(self, t, y, is_concerned, has_crossed .or. positive, held, locks, is_free)
+        ! A surface that has turned right round while it slid has slipped at a right angle in between, and had not come to rest.
+        call find_free(self, t, y, is_concerned, has_crossed, (has_crossed .and. (alone .or. held)) .or. positive, &
+                       held, locks, is_free)
         call decide(self, t, y, is_concerned, is_free, must_slip, positive)
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
             self%clutch%longest(lane) = 0
             do i = 1, size(locks, 2)
                 associate (e => self%model%scene%clutch(i)%event)
-                    call set_guard(lane, i, self%clutch, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    call set_guard(lane, i, is_part(i), self%clutch, self%guard_side(lane, e), self%guard_scale(lane, e))
                 end associate
             end do
         end do
@@ -140,6 +171,7 @@ contains
             do lane = 1, lanes
                 if (.not. is_concerned(lane) .or. (self%clutch%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
                 do i = 1, size(locks, 2)
+                    if (self%model%scene%clutch(i)%lead /= i) cycle
                     if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
                         call note(kind_open)
                     else if (self%clutch%holds(lane, i) .and. .not. held(lane, i)) then
@@ -158,7 +190,7 @@ contains
             type(event_entry) :: entry
 
             entry%kind = kind
-            entry%direction = nint(self%clutch%sense(lane, i))
+            if (.not. is_part(i)) entry%direction = nint(self%clutch%sense(lane, i))
             entry%impulse = abs(impulse(lane, i))
             if (findloc(locks(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
             call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
@@ -175,43 +207,47 @@ contains
         integer :: i
 
         call self%look_closely(t, y)
-        slip = slips(self%model, self%look, level_velocity)
+        slip = slip_speeds(self%model, slips(self%model, self%look, level_velocity))
         do i = 1, size(slip, 2)
             associate (fastest => self%clutch%fastest(:, i), e => self%model%scene%clutch(i)%event)
-                where (was_closed(:, i)) fastest = max(fastest, self%guard_scale(:, e), abs(slip(:, i)))
-                where (held(:, i)) fastest = max(fastest, abs(slip(:, i)))
+                where (was_closed(:, i)) fastest = max(fastest, self%guard_scale(:, e), slip(:, i))
+                where (held(:, i)) fastest = max(fastest, slip(:, i))
             end associate
         end do
     end subroutine note_slips
 
     !> Which closed clutches have no slip behind impulses, and may hold; the others slip from here. What an impulse has passed by is held
     !> as before, and what others do concerns none that has a slip.
-    subroutine find_free(self, t, y, is_concerned, is_free_anyway, held, locks, is_free)
+    subroutine find_free(self, t, y, is_concerned, has_crossed, is_free_anyway, held, locks, is_free)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_concerned(lanes)
-        logical, intent(in), dimension(:, :) :: is_free_anyway, held, locks    !! (lane, n_clutch)
+        logical, intent(in), dimension(:, :) :: has_crossed, is_free_anyway, held, locks   !! (lane, n_clutch)
         logical, intent(out) :: is_free(:, :)          !! (lane, n_clutch)
         real(wp), parameter :: still = 1.0e-12_wp      !! of the fastest slip so far, and of what an impulse has changed
         real(wp), parameter :: rounded = 1.0e-14_wp    !! of the rates whose difference the slip is
-        real(wp) :: slip(lanes, size(held, 2)), least(lanes)
+        real(wp), dimension(lanes, size(held, 2)) :: slip, sense
+        real(wp) :: least(lanes), still_speed(size(held, 2))
         integer :: i
 
         call self%look_closely(t, y)
         slip = slips(self%model, self%look, level_velocity)
+        sense = slip_senses(self%model, slip)
+        slip = slip_speeds(self%model, slip)
+        still_speed = still_speeds(self%model)
         associate (of => self%clutch)
             do i = 1, size(slip, 2)
-                where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), abs(slip(:, i)))
+                where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), slip(:, i))
             end do
             do i = 1, size(slip, 2)
                 least = max(still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2))), &
-                            rounded*speed_of_sides(self%model, self%look, i))
-                is_free(:, i) = of%is_closed(:, i) .and. (is_free_anyway(:, i) .or. abs(slip(:, i)) <= least &
+                            rounded*speed_of_sides(self%model, self%look, i), merge(still_speed(i), 0.0_wp, has_crossed(:, i)))
+                is_free(:, i) = of%is_closed(:, i) .and. (is_free_anyway(:, i) .or. slip(:, i) <= least &
                                                           .or. (held(:, i) .and. .not. any(locks, dim=2)))
                 where (is_concerned .and. of%is_closed(:, i) .and. .not. is_free(:, i))
                     of%holds(:, i) = .false.
-                    of%sense(:, i) = sign(1.0_wp, slip(:, i))
+                    of%sense(:, i) = sense(:, i)
                 end where
             end do
         end associate
@@ -268,17 +304,22 @@ contains
         logical, intent(in) :: positive(:, :)          !! whatever comes is held (lane, n_clutch)
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model)), sense(lanes, n_held(self%model))
-        logical, dimension(lanes, n_held(self%model)) :: takes_part, holds
+        logical, dimension(lanes, n_held(self%model)) :: takes_part, holds, is_part, is_concerned_there
+        real(wp) :: against(lanes, size(is_free, 2))
         logical :: failed(lanes)
         integer :: lane, n
 
         n = n_stop(self%model%scene)
         takes_part(:, :n) = self%stops%rests
         takes_part(:, n + 1:) = is_free
+        is_concerned_there = takes_part .and. spread(is_concerned, 2, size(takes_part, 2))
+        is_part(:, :n) = .false.
+        is_part(:, n + 1:) = spread(goes_with_others(self%model%scene), 1, lanes)
         holds = takes_part
         holds(:, n + 1:) = is_free .and. .not. must_slip
         sense = 0
-        where (must_slip) sense(:, n + 1:) = -sign(1.0_wp, self%clutch%force)
+        against = slip_senses(self%model, -self%clutch%force/spread(slip_levers(self%model)**2, 1, lanes))
+        where (must_slip) sense(:, n + 1:) = against
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
             where (is_free(lane, :)) self%clutch%holds(lane, :) = .false.
@@ -287,9 +328,12 @@ contains
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             call find_responses(self, takes_part, .false., response, of_coordinates)
+            if (any(is_part)) call take_last_slip(self, t, is_part, sense, is_concerned_there, takes_part, response, &
+                                                  of_coordinates, y)
             call share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
-            call take_last_slip(self, t, holds, sense, takes_part .and. spread(is_concerned, 2, n_held(self%model)), takes_part, &
-                                response, of_coordinates, y)
+            call take_last_slip(self, t, holds .or. is_part, sense, is_concerned_there, takes_part, response, &
+                                of_coordinates, y)
+            call settle_ways(self, t, y, is_concerned, is_free, response(:, n + 1:, n + 1:))
         end if
         call keep_places(self, t, y, is_concerned)
     end subroutine decide
@@ -307,12 +351,14 @@ contains
         logical, intent(inout) :: holds(:, :)          !! those that must slip do not; then those that hold (lane, n_held)
         real(wp), intent(inout) :: sense(:, :)         !! of those that must slip; then of all that slip (lane, n_held)
         real(wp), dimension(lanes, size(holds, 2)) :: none, away, told_sense
-        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n), first_sense(size(holds, 2))
+        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n), first_sense(size(holds, 2)), lever(size(holds, 2))
+        integer :: lead(size(holds, 2))
         logical, dimension(lanes, size(is_free, 2)) :: may_hold, seems_held
         logical :: failed(lanes), told_holds(lanes, size(holds, 2)), first_holds(size(holds, 2))
         integer :: lane, n
 
         n = n_stop(self%model%scene)
+        call list_held(self%model, lead, lever)
         call find_able(self, is_free, response, may_hold)
         call find_grip(self, t, y, may_hold, grip)
         call self%evaluate_on_lanes(t, y, rate, failed)
@@ -320,7 +366,7 @@ contains
         call accelerate(self, none, away)
         where (is_free .and. .not. (may_hold .or. positive))
             holds(:, n + 1:) = .false.
-            sense(:, n + 1:) = sign(1.0_wp, away(:, n + 1:))
+            sense(:, n + 1:) = slip_senses(self%model, away(:, n + 1:))
         end where
         told_holds = holds
         told_sense = sense
@@ -367,7 +413,8 @@ contains
             if (size(of) == 0) return
             part_holds = holds(lane, of)
             part_sense = sense(lane, of)
-            call share_load(response(lane, of, of), away(lane, of), most(of), capacity(of), of > n, part_holds, part_sense)
+            call share_load(lead(of), lever(of), response(lane, of, of), away(lane, of), most(of), capacity(of), of > n, &
+                            part_holds, part_sense)
             holds(lane, of) = part_holds
             sense(lane, of) = part_sense
             call take(lane)
@@ -381,7 +428,69 @@ contains
         end subroutine take
     end subroutine share_loads
 
-    !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them.
+    !> Surfaces that begin to slide along several joint variables press otherwise than they did while they were held: the way that they keep
+    !> is that of the accelerations that there are while they slide so.
+    subroutine settle_ways(self, t, y, is_concerned, is_free, response)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        logical, intent(in) :: is_free(:, :)           !! (lane, n_clutch)
+        real(wp), intent(in) :: response(:, :, :)      !! of clutches (lane, of, by)
+        integer, parameter :: most_turns = 30
+        real(wp), parameter :: settled = 1.0e-12_wp
+        real(wp) :: rate(lanes, self%n), moves(lanes, size(is_free, 2)), lever(size(is_free, 2)), change
+        logical :: failed(lanes), is_part(size(is_free, 2))
+        integer :: turn, lane, i
+
+        is_part = goes_with_others(self%model%scene)
+        lever = slip_levers(self%model)
+        do turn = 1, most_turns
+            if (.not. any(begins_to_slide())) return
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            call self%look_closely(t, y, self%workspace%acceleration)
+            moves = slips(self%model, self%look, level_given)
+            change = 0
+            do lane = 1, lanes
+                do i = 1, size(is_free, 2)
+                    if (self%model%scene%clutch(i)%lead == i) call turn_way(lane, i)
+                end do
+            end do
+            if (change <= settled) return
+        end do
+
+    contains
+
+        function begins_to_slide() result(begins)
+            logical :: begins(lanes, size(is_free, 2))
+
+            begins = is_free .and. .not. self%clutch%holds .and. spread(is_concerned, 2, size(is_free, 2)) &
+                     .and. spread(is_part, 1, lanes)
+        end function begins_to_slide
+
+        subroutine turn_way(lane, i)
+            integer, intent(in) :: lane, i
+            real(wp), allocatable :: own(:, :), way(:)
+            integer, allocatable :: part(:), held(:)
+            logical :: begins(lanes, size(is_free, 2)), is_held
+            integer :: k
+
+            begins = begins_to_slide()
+            if (.not. begins(lane, i) .or. failed(lane)) return
+            part = pack([(k, k=1, size(is_part))], self%model%scene%clutch%lead == i)
+            held = pack([(k, k=1, size(is_part))], is_free(lane, :) .and. self%clutch%holds(lane, :))
+            own = response_beside(response(lane, :, :), part, held, self%model%scene%clutch%lead, lever)
+            way = self%clutch%sense(lane, part)
+            call find_way_loose(response_beside(response(lane, :, :), part, part(:0), &
+                                                self%model%scene%clutch%lead, lever), own, &
+                                self%clutch%capacity(lane, i)/lever(i), lever(part)*moves(lane, part), way, is_held)
+            change = max(change, norm2(way - self%clutch%sense(lane, part)))
+            self%clutch%sense(lane, part) = way
+        end subroutine turn_way
+    end subroutine settle_ways
+
+    !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them. Of those that
+    !> go together one is enough.
     subroutine find_able(self, is_free, response, may_hold)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: is_free(:, :)           !! (lane, n_clutch)
@@ -397,6 +506,12 @@ contains
                 may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%clutch%ease(:, i)
             end associate
         end do
+        do i = 1, size(is_free, 2)
+            associate (of_lead => may_hold(:, self%model%scene%clutch(i)%lead))
+                of_lead = of_lead .or. may_hold(:, i)
+            end associate
+        end do
+        may_hold = with_lead(self%model%scene, may_hold)
     end subroutine find_able
 
     !> What joints that may stick could hold: by the reactions while all that could hold do.

@@ -2,14 +2,17 @@
 !>
 !> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
+    use linkdyn_angles, only: matrix_of_angles
     use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_equations, only: solve_again, solve_with_amounts, flag_locked
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_friction_state, only: pressing_forces
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
+    use linkdyn_joint_table, only: joint_spherical
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_slip_parts, only: list_held
     use linkdyn_status, only: sample_not_converged
     implicit none (type, external)
 
@@ -133,11 +136,12 @@ contains
         real(wp), intent(in) :: wanted(:, :)           !! accelerations of what is held (lane, n_held)
         real(wp), intent(out) :: push(:, :)            !! (lane, n_held)
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
-        real(wp) :: away(lanes, size(push, 2))
+        real(wp) :: away(lanes, size(push, 2)), lever(size(push, 2))
         type(contact_responses) :: found
-        integer :: turn, lane
+        integer :: turn, lane, lead(size(push, 2))
 
         push = 0
+        call list_held(self%model, lead, lever)
         associate (workspace => self%workspace, friction => self%workspace%friction)
             workspace%status = workspace%status_of_motion
             call find_contact_responses(self, is_held, found)
@@ -145,8 +149,9 @@ contains
             do turn = 1, n_turn
                 do lane = 1, self%n_used
                     if (workspace%status_of_motion(lane) /= sample_ok) cycle
-                    call balance_contacts(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), &
-                                          lane, found, push(lane, :), friction%amount(lane, :), workspace%state%holding(lane))
+                    call balance_contacts(lead, lever, self%equations%rub, friction%factor(lane, :), is_held(lane, :), &
+                                          wanted(lane, :), lane, found, push(lane, :), friction%amount(lane, :), &
+                                          workspace%state%holding(lane))
                     call flag_locked(self%model, self%equations, lane, workspace)
                 end do
                 call spread_over_spare_lanes()
@@ -224,8 +229,7 @@ contains
         logical :: is_led(size(wanted, 2))
         integer :: i
 
-        is_led = led_by(self%model, self%model%scene%clutch)
-
+        is_led = [(led_by(self%model, self%model%scene%clutch(i)), i=1, size(wanted, 2))]
         wanted = 0
         pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
         if (all(is_led) .or. .not. any(pace > 0)) return
@@ -233,9 +237,38 @@ contains
         slip = slips(self%model, self%workspace%state, level_velocity)
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
+            if (turns_as_ball(i)) cycle
             here(:, i) = here(:, i) - self%clutch%kept(:, i)
             if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
             where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
         end do
+
+    contains
+
+        !> Of a ball the angles tell how it is turned, not how far: that is about the axes of its first marker, all three at once.
+        logical function turns_as_ball(first)
+            integer, intent(in) :: first               !! of its clutches
+            integer :: lane
+
+            associate (clutch => self%model%scene%clutch(first))
+                turns_as_ball = self%model%joint(clutch%joint(1))%told_kind == joint_spherical
+                if (.not. turns_as_ball .or. clutch%lead /= first) return
+            end associate
+            associate (last => first + 2)
+                do lane = 1, lanes
+                    if (self%clutch%holds(lane, first)) wanted(lane, first:last) = -pace(lane)*(2*slip(lane, first:last) &
+                        + pace(lane)*turned_off(here(lane, first:last), self%clutch%kept(lane, first:last)))
+                end do
+            end associate
+        end function turns_as_ball
     end function way_back
+
+    !> By how much an attitude is turned away from another, both told by three angles: a small turn about the axes that these are told in.
+    pure function turned_off(angle, kept) result(turn)
+        real(wp), intent(in) :: angle(3), kept(3)      !! [rad]
+        real(wp) :: turn(3), r(3, 3)
+
+        r = matmul(matrix_of_angles(angle), transpose(matrix_of_angles(kept)))
+        turn = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]/2
+    end function turned_off
 end submodule linkdyn_forward_contacts

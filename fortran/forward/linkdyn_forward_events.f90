@@ -7,10 +7,11 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_forward_state, only: read_coordinates
-    use linkdyn_held_variables, only: away_from_stops
+    use linkdyn_held_variables, only: away_from_stops, slips
     use linkdyn_measures, only: find_events
     use linkdyn_motor_states, only: switch_brakes
     use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_slip_parts, only: goes_with_others, slip_levers, with_lead
     use linkdyn_stop_states, only: leave_stop
     implicit none (type, external)
 
@@ -34,12 +35,14 @@ contains
                 if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%stops%yielded(:, i)
             end associate
         end do
+        if (n_clutch(self%model%scene) > 0) call see_surfaces(self, guard)
         do i = 1, n_clutch(self%model%scene)
             where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
         end do
         if (.not. (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch))) return
         call self%evaluate_on_lanes(t, y, rate, failed)
         do i = 1, n_clutch(self%model%scene)
+            if (self%model%scene%clutch(i)%lead /= i) cycle
             where (self%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self%model, i, self%clutch)
         end do
         do i = 1, n_stop(self%model%scene)
@@ -49,6 +52,32 @@ contains
         end do
     end procedure evaluate_events
 
+    !> Of surfaces that slide along several joint variables it is looked out for how fast they still slide the way they did at the accepted
+    !> state: that vanishes when they come to rest.
+    subroutine see_surfaces(self, guard)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
+        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: slip
+        real(wp) :: lever(size(slip, 2))
+        logical :: is_part(size(slip, 2))
+        integer :: i
+
+        is_part = goes_with_others(self%model%scene)
+        if (.not. any(is_part)) return
+        slip = slips(self%model, self%look, level_velocity)
+        lever = slip_levers(self%model)
+        do i = 1, size(slip, 2)
+            associate (clutch => self%model%scene%clutch(i))
+                if (is_part(i) .and. clutch%lead == i) guard(:, clutch%event) = 0*guard(:, clutch%event)
+            end associate
+        end do
+        do i = 1, size(slip, 2)
+            associate (along => guard(:, self%model%scene%clutch(i)%event))
+                if (is_part(i)) along = along + lever(i)*slip(:, i)*self%clutch%sense(:, i)
+            end associate
+        end do
+    end subroutine see_surfaces
+
     !> Events have come: they are noted, end the run, or stops throw back, catch and let go.
     module procedure meet_events
         logical, dimension(lanes, n_stop(self%model%scene)) :: strikes, rested
@@ -57,7 +86,7 @@ contains
         rested = self%stops%rests
         call self%look_closely(t, y)
         call tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
-        has_slipped = has_slipped .and. is_closed
+        has_slipped = with_lead(self%model%scene, has_slipped) .and. is_closed
         if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
             has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
             call engage(self, t, y, is_closed, has_slipped)

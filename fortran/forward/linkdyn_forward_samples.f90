@@ -5,6 +5,7 @@ module linkdyn_forward_samples
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_clutch_states, only: clutch_states, state_open, state_slips, state_holds
+    use linkdyn_contact, only: n_part
     use linkdyn_controllers, only: controllers_type
     use linkdyn_cylinder_states, only: cylinder_states
     use linkdyn_exchange, only: coordinate_now
@@ -57,7 +58,8 @@ module linkdyn_forward_samples
         real(wp), allocatable :: rate(:, :)            !! qd with angular rates of attitudes
         real(wp), allocatable :: quaternion(:, :, :)   !! attitudes
         real(wp), allocatable :: load(:, :, :)
-        real(wp), allocatable, dimension(:, :) :: stop_force, clutch_force, contact_sense
+        real(wp), allocatable, dimension(:, :) :: stop_force, clutch_force
+        real(wp), allocatable :: contact_sense(:, :, :)        !! of joints that may stick (n_part, n_contact, n)
         real(wp), allocatable :: angle(:, :)           !! of joints, their turns counted; if wanted
         logical, allocatable :: is_lost(:)
         integer :: first = 0                           !! sample of the phase that the run is in; 0: none yet
@@ -92,7 +94,7 @@ contains
                 call run%system%count_joint_turns(m, run%integrator%t, run%y)
             end if
             allocate (samples%stop_force(n_stop(m%scene), n), samples%clutch_force(n_clutch(m%scene), n), &
-                      samples%contact_sense(size(m%contact), n), source=0.0_wp)
+                      samples%contact_sense(n_part, size(m%contact), n), source=0.0_wp)
             allocate (samples%q(m%n_q, n), samples%qd(m%n_q, n), samples%qdd(m%n_q, n), samples%rate(m%n_q, n), &
                       samples%force(m%n_actuator, n), source=none)
             allocate (samples%quaternion(4, m%n_attitude, n), source=none)
@@ -227,8 +229,8 @@ contains
         if (has_hard_stops(run%model%scene)) &
             samples%stop_force(:, i) = merge(run%system%stops%push(1, :), 0.0_wp, run%system%stops%rests(1, :))
         if (n_clutch(run%model%scene) > 0) samples%clutch_force(:, i) = run%system%clutch%applied(1, :)
-        if (size(run%model%contact) > 0) samples%contact_sense(:, i) = &
-            run%system%workspace%friction%sense(lane, :size(run%model%contact))
+        if (size(run%model%contact) > 0) samples%contact_sense(:, :, i) = &
+            run%system%workspace%friction%sense(lane, :, :size(run%model%contact))
     end subroutine keep_sample
 
     subroutine tell_sample(run, i, lane, solution, samples, results)
@@ -270,7 +272,7 @@ contains
                               of%qdd(:, first:last), of%load(:, :, first:last), part, of%force(:, first:last), &
                               known=of%assembly, own=run%own, turns=run%turns, quaternion=of%quaternion(:, :, first:last), &
                               t=of%t(first:last), stop_force=of%stop_force(:, first:last), &
-                              clutch_force=of%clutch_force(:, first:last), contact_sense=of%contact_sense(:, first:last))
+                              clutch_force=of%clutch_force(:, first:last), contact_sense=of%contact_sense(:, :, first:last))
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (of%is_lost(first:last)) part%status = sample_singular
             if (.not. is_interrupted()) samples%n_found = last

@@ -8,6 +8,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_stops
     use linkdyn_impacts, only: find_impacts, find_resting
     use linkdyn_measures, only: find_events
     use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_slip_parts, only: goes_with_others, slip_speeds, slip_senses
     use linkdyn_stop_starts, only: touch_width
     use linkdyn_stop_states, only: hard_gaps, begin_gaps, rest_at_stop, leave_stop
     implicit none (type, external)
@@ -239,10 +240,10 @@ contains
         real(wp), intent(in) :: y(:, :), y_before(:, :)
         logical, intent(in) :: is_struck(lanes)
         real(wp), parameter :: still = 1.0e-12_wp      !! of the hardest impact
-        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: before, after
+        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: before, after, change, speed, sense
         type(event_entry) :: entry
         real(wp) :: least
-        logical :: held
+        logical :: held, is_part(n_clutch(self%model%scene))
         integer :: lane, i
 
         if (.not. any(self%clutch%is_closed)) return
@@ -250,6 +251,10 @@ contains
         before = slips(self%model, self%look, level_velocity)
         call self%look_closely(t, y)
         after = slips(self%model, self%look, level_velocity)
+        is_part = goes_with_others(self%model%scene)
+        change = slip_speeds(self%model, after - before)
+        speed = slip_speeds(self%model, after)
+        sense = slip_senses(self%model, after)
         associate (of => self%clutch)
             do i = 1, size(after, 2)
                 if (self%model%scene%clutch(i)%is_positive) cycle
@@ -257,17 +262,18 @@ contains
                     if (.not. (is_struck(lane) .and. of%is_closed(lane, i))) cycle
                     held = of%holds(lane, i)
                     least = still*max(maxval(self%stops%fastest(lane, :)), of%fastest(lane, i))
-                    if (held .and. abs(after(lane, i) - before(lane, i)) <= least) cycle
-                    if (.not. held .and. of%sense(lane, i)*after(lane, i) >= -least) cycle
+                    if (held .and. change(lane, i) <= least) cycle
+                    if (.not. held .and. is_part(i) .and. speed(lane, i) <= least) cycle
+                    if (.not. (held .or. is_part(i)) .and. of%sense(lane, i)*after(lane, i) >= -least) cycle
                     of%holds(lane, i) = .false.
                     of%was_held(lane, i) = .false.
-                    of%sense(lane, i) = sign(1.0_wp, after(lane, i))
-                    of%fastest(lane, i) = max(of%fastest(lane, i), abs(after(lane, i)))
+                    of%sense(lane, i) = sense(lane, i)
+                    of%fastest(lane, i) = max(of%fastest(lane, i), speed(lane, i))
                     associate (e => self%model%scene%clutch(i)%event)
-                        call set_guard(lane, i, of, self%guard_side(lane, e), self%guard_scale(lane, e))
+                        call set_guard(lane, i, is_part(i), of, self%guard_side(lane, e), self%guard_scale(lane, e))
                     end associate
-                    if (.not. held) cycle
-                    entry = event_entry(kind=kind_slip, direction=nint(of%sense(lane, i)))
+                    if (.not. held .or. self%model%scene%clutch(i)%lead /= i) cycle
+                    entry = event_entry(kind=kind_slip, direction=merge(0, nint(of%sense(lane, i)), is_part(i)))
                     call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
                 end do
             end do

@@ -447,6 +447,13 @@ module linkdyn_forward_system
             real(wp) :: slip(n_clutch(self%model%scene))     !! [m/s, rad/s]
         end function slips_at
 
+        module subroutine follow_slips(self, t, y, is_accepted)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in) :: y(:, :)
+            logical, intent(in) :: is_accepted(lanes)
+        end subroutine follow_slips
+
         module subroutine engage(self, t, y, is_closed, has_crossed)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -918,6 +925,7 @@ contains
             where (is_accepted) self%clutch%longest = max(self%clutch%longest, t - self%clutch%t_accepted)
         end if
         where (is_accepted) self%clutch%t_accepted = t
+        call follow_slips(self, t, y, is_accepted)
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         if (is_accepted(1)) self%cylinders%culprit = 0

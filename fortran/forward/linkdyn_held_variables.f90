@@ -3,6 +3,7 @@
 module linkdyn_held_variables
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_rates, only: joint_rate, coordinate_of
+    use linkdyn_joint_table, only: joint_spherical
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -120,11 +121,14 @@ contains
     end function speed_of_sides
 
     !> Are a clutch's joint variables coordinates?
-    pure elemental logical function led_by(model, clutch)
+    pure logical function led_by(model, clutch)
         type(model_type), intent(in) :: model
         type(clutch_spec), intent(in) :: clutch
+        integer :: k
 
         led_by = coordinate_of(model, clutch%joint(1), clutch%variable(1)) > 0
+        if (model%joint(clutch%joint(1))%told_kind == joint_spherical) &   ! turning about an axis changes all of its angles
+            led_by = all([(coordinate_of(model, clutch%joint(1), k) > 0, k=1, 3)])
         if (clutch%n_side == 2) led_by = led_by .and. coordinate_of(model, clutch%joint(2), clutch%variable(2)) > 0
     end function led_by
 

@@ -239,7 +239,7 @@ contains
                                                      *scale**merge(1, 2, model%scene%clutch(i)%unit == "N")
             end do
         end associate
-        workspace%friction%sense(:, :size(model%contact)) = solved%friction%sense(:, :size(model%contact))
+        workspace%friction%sense(:, :, :size(model%contact)) = solved%friction%sense(:, :, :size(model%contact))
     end subroutine take_pushes
 
     !> From forces to estimates.

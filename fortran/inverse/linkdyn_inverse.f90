@@ -191,7 +191,7 @@ contains
         real(wp), intent(in), optional, target :: stop_force(:, :)      !! of stops at which something rests (n_stop, n) [N, N m];
                                                                 !! absent: none
         real(wp), intent(in), optional, target :: clutch_force(:, :)    !! of clutches (n_clutch, n) [N, N m]; absent: none
-        real(wp), intent(in), optional, target :: contact_sense(:, :)   !! of joints that may stick, as of `friction_space`
+        real(wp), intent(in), optional, target :: contact_sense(:, :, :)    !! of joints that may stick, as of `friction_state`
                                                                 !! (n_contact, n); absent: 0
         type(motion_batch) :: motion
         type(recorded_forces), pointer :: recorded

@@ -182,7 +182,7 @@ contains
                 if (associated(motion%stop_force)) state%stop_force(lane, :) = motion%stop_force(:, sample)
                 if (associated(motion%clutch_force)) state%clutch_force(lane, :) = motion%clutch_force(:, sample)
                 if (associated(motion%contact_sense) .and. size(model%contact) > 0) &
-                    workspace%friction%sense(lane, :size(model%contact)) = motion%contact_sense(:, sample)
+                    workspace%friction%sense(lane, :, :size(model%contact)) = motion%contact_sense(:, :, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = motion%load(:, :, min(sample, size(motion%load, 3)))
                 if (associated(motion%quaternion)) state%quaternion(lane, :, :) = motion%quaternion(:, :, sample)
                 if (associated(motion%given_force)) workspace%driving_force(lane, :) = motion%given_force(:, sample)

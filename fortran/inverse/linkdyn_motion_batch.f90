@@ -16,7 +16,7 @@ module linkdyn_motion_batch
         real(wp), pointer :: given_force(:, :) => null()            !! (n_actuator, n), read where not unknown
         real(wp), pointer :: stop_force(:, :) => null()             !! (n_stop, n) [N, N m]
         real(wp), pointer :: clutch_force(:, :) => null()           !! (n_clutch, n) [N, N m]
-        real(wp), pointer :: contact_sense(:, :) => null()          !! of joints that may stick (n_contact, n)
+        real(wp), pointer :: contact_sense(:, :, :) => null()       !! of joints that may stick (n_part, n_contact, n)
     contains
         procedure :: is_turned
         procedure :: part => part_of_motion
@@ -52,6 +52,6 @@ contains
         if (associated(whole%given_force)) part%given_force => whole%given_force(:, first:last)
         if (associated(whole%stop_force)) part%stop_force => whole%stop_force(:, first:last)
         if (associated(whole%clutch_force)) part%clutch_force => whole%clutch_force(:, first:last)
-        if (associated(whole%contact_sense)) part%contact_sense => whole%contact_sense(:, first:last)
+        if (associated(whole%contact_sense)) part%contact_sense => whole%contact_sense(:, :, first:last)
     end function part_of_motion
 end module linkdyn_motion_batch

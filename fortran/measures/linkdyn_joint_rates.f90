@@ -1,7 +1,7 @@
 !> Joint variables and their rates, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, marker_axis
-    use linkdyn_joint_table, only: is_slide, wraps, slide_axis, joint_planar, joint_universal
+    use linkdyn_joint_table, only: is_slide, wraps, slide_axis, joint_planar, joint_universal, joint_spherical
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -140,7 +140,7 @@ contains
         rate = qd(:, variable)
     end subroutine measure_in_space
 
-    !> Rate of a variable of any joint but a ball; at level k for a unit rate of coordinate k; at the level of what is given its
+    !> Rate of a variable of a joint, of a ball how fast it turns about an axis of its first marker; at level k for a unit rate of coordinate k; at the level of what is given its
     !> acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those of points at a distance, and
     !> where a joint has several axes.) Needs angular rates in world axes.
     function joint_rate(model, state, j, variable, level) result(rate)
@@ -161,7 +161,7 @@ contains
         else
             call view_joint(model, state, j, state%acceleration(level, :), state%alpha(level, :), view)
         end if
-        if (level == level_given .and. any(model%joint(j)%told_kind == [joint_planar, joint_universal])) then
+        if (level == level_given .and. any(model%joint(j)%told_kind == [joint_planar, joint_universal, joint_spherical])) then
             ! as the first link sees it, which turns
             call view_joint(model, state, j, state%velocity, state%omega, moving)
             associate (omega => state%omega(orientation_of(model, model%joint(j)%link(1))))

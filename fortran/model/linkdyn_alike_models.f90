@@ -116,7 +116,7 @@ contains
         end do
         do i = 1, n_clutch(model%scene)
             associate (clutch => model%scene%clutch(i))
-                text = text//" clutch"//listed([clutch%n_side, clutch%joint, clutch%variable, clutch%friction]) &
+                text = text//" clutch"//listed([clutch%n_side, clutch%joint, clutch%variable, clutch%friction, clutch%lead]) &
                        //bits_of([clutch%ratio])
             end associate
         end do

@@ -19,11 +19,11 @@ module linkdyn_contact
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         joint_planar, joint_screw, joint_cam, joint_gear, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, friction_spec
+    use linkdyn_scene, only: scene_type, friction_spec, clutch_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, is_mesh, friction_of_speed, sliding_coefficient, lever_of, n_press, &
-        pressing, pressing_slope, has_settled, most_rounds
+    public :: contact_type, list_contacts, is_turning, is_mesh, friction_of_speed, sliding_coefficient, no_speed, lever_of, &
+        part_of, holds_contact, slides_along_several, n_part, n_press, pressing, pressing_slope, has_settled, most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh, &
         form_worm, form_belt
 
@@ -43,6 +43,9 @@ module linkdyn_contact
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
+
+    !> Along so many joint variables at most does a surface slide.
+    integer, parameter :: n_part = 3
 
     !> So often is friction put in again before it is found otherwise.
     integer, parameter :: most_rounds = 25
@@ -180,13 +183,56 @@ contains
             mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
     end function sliding_coefficient
 
-    !> Speed of the surface over that of the joint's one variable, of a hinge, slide or screw.
-    pure elemental real(wp) function lever_of(contact) result(lever)
+    !> Speed of the surface over that of a joint variable along which it slides: `part` 1 is the first of them. Of hinges, guides and
+    !> threads there is one. The sum of squares over all of them is the square of the speed of the surface.
+    pure elemental real(wp) function lever_of(contact, part) result(lever)
         type(contact_type), intent(in) :: contact
+        integer, intent(in) :: part
 
         lever = hypot(contact%radius, contact%pitch)
-        if (contact%form == form_guide) lever = 1
+        select case (contact%form)
+        case (form_guide)
+            lever = 1
+        case (form_bush)
+            if (part == 2) lever = 1
+        case (form_plate)
+            if (part < 3) lever = 1
+        end select
     end function lever_of
+
+    !> Below this a surface has the way in which it began to slide, or slid before it came to rest [m/s]. Where that may turn it does so
+    !> within V/(mu W N), with the response W to forces: the slower, the stiffer.
+    pure elemental real(wp) function no_speed(contact)
+        type(contact_type), intent(in) :: contact
+        real(wp), parameter :: none = 1.0e-9_wp, of_several = 1.0e-3_wp    !! of the creep speed
+
+        no_speed = merge(of_several, none, slides_along_several(contact))*contact%creep_speed
+    end function no_speed
+
+    !> Does a surface slide along several joint variables?
+    pure elemental logical function slides_along_several(contact)
+        type(contact_type), intent(in) :: contact
+
+        slides_along_several = any(contact%form == [form_bush, form_plate, form_ball])
+    end function slides_along_several
+
+    !> Which of the joint variables along which a contact slides a clutch holds.
+    pure elemental integer function part_of(contact, clutch) result(part)
+        type(contact_type), intent(in) :: contact
+        type(clutch_spec), intent(in) :: clutch
+
+        part = 1
+        if (slides_along_several(contact)) part = clutch%variable(1)
+    end function part_of
+
+    !> Is it by the friction of this contact, among others, that a clutch holds? Each pin of a universal joint does so for itself.
+    pure elemental logical function holds_contact(clutch, contact)
+        type(clutch_spec), intent(in) :: clutch
+        type(contact_type), intent(in) :: contact
+
+        holds_contact = clutch%friction > 0 .and. clutch%joint(1) == contact%joint
+        if (any(contact%form == [form_pin, form_collar])) holds_contact = holds_contact .and. clutch%variable(1) == contact%side
+    end function holds_contact
 
     !> c: friction over the pressing force and the speed at which the surface slides.
     pure elemental real(wp) function friction_of_speed(contact, speed) result(c)

@@ -459,7 +459,9 @@ module linkdyn_scene
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
         integer :: measure(2) = 0                 !! the joint variables
         integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
-        integer :: event = 0                      !! whose formula is the slip
+        integer :: lead = 0                       !! of all whose joint variables rest and break loose together the first; itself: it
+                                                  !! does so alone, or it is the first
+        integer :: event = 0                      !! whose formula is the slip; of several that go together they have one
         integer :: line = 0
     end type clutch_spec
 

@@ -28,7 +28,8 @@ contains
             do i = 1, n_clutch(model%scene)
                 associate (clutch => model%scene%clutch(i))
                     if (clutch%friction > 0) &
-                        rubs = [rubs, holding_wrench(traced%mechanism, clutch%joint(1), traced%in%of(in_clutch)%v(i))]
+                        rubs = [rubs, holding_wrench(traced%mechanism, clutch%joint(1), clutch%variable(1), &
+                                                     traced%in%of(in_clutch)%v(i))]
                 end associate
             end do
         end associate

@@ -3,7 +3,8 @@
 !> A clutch is an event besides, whose formula is its slip.
 module linkdyn_scene_clutches
     use linkdyn_formula, only: formula_node, add_node, node_number, node_symbol, node_subtract, node_multiply
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, joint_universal, &
+        joint_spherical, joint_planar, joint_n_variable, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec, joint_kind_name
     use linkdyn_scene_brakes, only: read_switch, find_switch_event, switch_key
@@ -23,6 +24,7 @@ module linkdyn_scene_clutches
     public :: read_clutches, add_sticking
 
     character(len=*), parameter :: joint_key(2) = [character(len=5) :: "joint", "to"]
+    character(len=*), parameter :: about_axis(3) = ["x", "y", "z"]
     character(len=*), parameter :: variable_key(2) = [character(len=11) :: "variable", "to_variable"]
 
 contains
@@ -140,7 +142,8 @@ contains
         end if
     end subroutine read_sides
 
-    !> Friction that sticks is a clutch, which has the joint's name.
+    !> Friction that sticks is a clutch, which has the joint's name; of joints with several variables one for each, with the name of that
+    !> behind a dot. Where they rub along one surface they go together, and have one event, of the joint's name.
     subroutine add_sticking(place, friction, number, shelf, scene, status)
         type(scene_place), intent(in) :: place
         type(friction_spec), intent(in) :: friction
@@ -150,23 +153,76 @@ contains
         type(status_type), intent(inout) :: status
         type(clutch_spec) :: clutch
         type(quantity_type) :: quantity
+        character(len=len(variable_name)) :: part
+        integer :: k, n, first
 
-        clutch%name = scene%joint(friction%joint)%name
-        if (any(scene%event%name == clutch%name)) then
-            call refuse(place, "sticks, and its events have the name of the joint, which another event or clutch has "// &
-                "(expected another name of that)", status)
-            return
-        end if
-        clutch%joint(1) = friction%joint
-        clutch%friction = number
-        clutch%is_positive = .false.
-        clutch%line = friction%line
-        quantity = force_quantity(scene%joint(friction%joint)%kind, 1)
-        clutch%unit = quantity%unit(:4)
-        quantity = variable_quantity(scene%joint(friction%joint)%kind, 1)
-        clutch%slip_unit = trim(quantity%unit)//"/s"
-        call add_slip(clutch, shelf, scene)
+        first = size(scene%clutch) + 1
+        associate (joint => scene%joint(friction%joint))
+            n = joint_n_variable(joint%kind)
+            if (joint%kind == joint_planar .and. .not. friction%radius > 0) n = 2  ! nothing keeps its plate from turning
+            do k = 1, n
+                part = variable_name(k, joint%kind)
+                if (joint%kind == joint_spherical) part = about_axis(k)
+                if (n == 1) then
+                    clutch%name = joint%name
+                else if (len_trim(joint%name) + 1 + len_trim(part) > len(clutch%name)) then
+                    call refuse(place, "sticks along several variables, whose names follow that of the joint (expected a "// &
+                        "shorter one)", status)
+                    return
+                else
+                    clutch%name = trim(joint%name)//"."//part
+                end if
+                clutch%joint(1) = friction%joint
+                clutch%variable(1) = k
+                clutch%friction = number
+                clutch%is_positive = .false.
+                clutch%line = friction%line
+                quantity = force_quantity(joint%kind, k)
+                clutch%unit = quantity%unit(:4)
+                quantity = variable_quantity(joint%kind, k)
+                clutch%slip_unit = trim(quantity%unit)//"/s"
+                if (n == 1 .or. joint%kind == joint_universal) then
+                    call refuse_taken(clutch%name)
+                    if (status%is_ok()) call add_slip(clutch, shelf, scene)
+                else
+                    if (k == 1) call refuse_taken(joint%name)
+                    if (status%is_ok()) call add_part(clutch, joint%name, first, shelf, scene)
+                end if
+                if (.not. status%is_ok()) return
+            end do
+        end associate
+
+    contains
+
+        subroutine refuse_taken(name)
+            character(len=*), intent(in) :: name
+
+            if (any(scene%event%name == name)) call refuse(place, "sticks, and its events have the name "//quoted(name)// &
+                ", which another event or clutch has (expected another name of that)", status)
+        end subroutine refuse_taken
     end subroutine add_sticking
+
+    !> One of several joint variables that slip as one: the first has the event, which is looked at as a whole.
+    subroutine add_part(clutch, name, first, shelf, scene)
+        type(clutch_spec), intent(inout) :: clutch
+        character(len=*), intent(in) :: name           !! of the joint
+        integer, intent(in) :: first                   !! of these clutches
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(event_spec) :: event
+
+        call add_joint_measure(scene, clutch%joint(1), clutch%variable(1), 0.0_wp, .false., shelf, clutch%measure(1))
+        clutch%lead = first
+        if (first == size(scene%clutch) + 1) then
+            event%name = name
+            event%line = clutch%line
+            event%clutch = first
+            call add_node(event%formula, formula_node(node_number, number=1.0_wp))
+            scene%event = [scene%event, event]
+        end if
+        clutch%event = size(scene%event)
+        scene%clutch = [scene%clutch, clutch]
+    end subroutine add_part
 
     !> The slip as an event, and the joint variables measured.
     subroutine add_slip(clutch, shelf, scene)
@@ -183,6 +239,7 @@ contains
         event%name = clutch%name
         event%line = clutch%line
         event%clutch = size(scene%clutch) + 1
+        clutch%lead = event%clutch
         call add_node(event%formula, formula_node(node_symbol, a=rate(1)))
         if (clutch%n_side == 2) then
             call add_node(event%formula, formula_node(node_symbol, a=rate(2)))

@@ -1,7 +1,7 @@
 !> The tables [[friction]] of a scene file.
 module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
-    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_cylindrical, joint_screw, joint_gear, is_geared
+    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_cylindrical, joint_gear, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name, follower_roller
@@ -91,9 +91,9 @@ contains
                 call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
             else if (friction%sticks .and. .not. has_coulomb) then
                 call refuse_missing(place, "coulomb", "the coefficient with which it sticks", status)
-            else if (friction%sticks .and. all(joint%kind /= [joint_revolute, joint_prismatic, joint_screw])) then
-                call refuse_value(place, "sticking", place%node%get("sticking"), "is for hinges, slides and screws (expected "// &
-                    "a revolute, prismatic or screw joint)", status)
+            else if (friction%sticks .and. joint%kind == joint_cam) then
+                call refuse_value(place, "sticking", place%node%get("sticking"), "is for joints whose variables friction "// &
+                    "holds, and a cam has none (expected another joint)", status)
             end if
             if (.not. has_coulomb) call refuse_what_presses(place, joint%kind, status)
         end associate
