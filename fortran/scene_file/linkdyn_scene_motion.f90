@@ -3,13 +3,13 @@ module linkdyn_scene_motion
     use linkdyn_angles, only: angles_by_spin, is_near_pole
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, frame_link, coordinate_joint, pose_position, &
         pose_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, variable_name, law_table
     use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
-    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, get_quantity, quantity_of, get_vector, get_flag, text_of
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, allow_keys, require_table, &
+        get_quantity, quantity_of, get_vector, get_flag, text_of
     use linkdyn_scene_attitudes, only: attitude_key, get_attitude, has_quaternions, quaternion_laws
     use linkdyn_scene_names, only: find_link, find_joint, find_variable, find_marker
     use linkdyn_scene_joints, only: variable_quantity
@@ -110,11 +110,9 @@ contains
         if (node%is_present()) call read_law(place, "motion", node, quantity, coordinate%start_position, &
             coordinate%name, spline, shelf, coordinate%motion, status)
         call read_driven(place, coordinate%is_driven, status)
-        associate (at => scene%joint(coordinate%joint)%start(coordinate%variable))
-            if (status%is_ok() .and. .not. (node%is_present() .or. coordinate%has_start) .and. abs(at) > 0) &
-                call refuse_missing(place, "start", "that of joint "//quoted(scene%joint(coordinate%joint)%name)//", "// &
-                    to_text(at)//" "//trim(coordinate%unit)//", or another: a coordinate begins at its own, else at 0", status)
-        end associate
+        if (node%is_present() .or. coordinate%has_start) return
+        coordinate%start_position = scene%joint(coordinate%joint)%start(coordinate%variable)
+        coordinate%has_start = abs(coordinate%start_position) > 0
     end subroutine read_joint_coordinate
 
     !> A position, or position and velocity.

@@ -362,3 +362,17 @@ def test_members_are_held_that_have_no_motion() -> None:
     start = np.full((20, 1), np.radians(30))
     members = scene.ensemble(start, 0 * start, t=[0.0, 0.1, 0.2], step=1e-3)
     assert np.abs(members.q - np.radians(30)).max() < 1e-12
+
+
+def test_coordinates_begin_where_their_joints_do() -> None:
+    """A joint's start was not looked at by its coordinate, which began at 0 without a word."""
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"O": [0, 0]}},
+        "link": [{"name": "arm", "mass": 1.0, "cog": [0.5, 0], "inertia": 0.1, "markers": {"O": [0, 0]}}],
+        "joint": [{"name": "J", "type": "revolute", "between": ["frame.O", "arm.O"], "start": "30 deg"}],
+        "coordinate": [{"joint": "J"}], "actuator": [{"joint": "J"}],
+    })
+    run = scene.forward(t=[0.0, 0.1])
+    assert run.q[0, 0] == pytest.approx(np.radians(30))
+    assert run.driving_force[0, 0] == pytest.approx(9.81 * 0.5 * np.cos(np.radians(30)))
+    assert scene.inverse().driving_force[0, 0] == pytest.approx(9.81 * 0.5 * np.cos(np.radians(30)))
