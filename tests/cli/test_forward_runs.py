@@ -108,24 +108,24 @@ def test_refusals(tmp_path, arguments, message):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("method", "tolerances", "words"),
     [
-        ([], "1e-9 relative, 1e-9 absolute, in a step"),
-        (["--rtol", "0.5"], "1e-4 relative (0.5 was asked for, too loose to judge steps by), 1e-9 absolute, in a step"),
-        (["--method", "msbdf", "--atol", "3"], "1e-9 relative, 1e-5 absolute (3 was asked for, too loose to judge steps by), in a step"),
-        (["--method", "rk4"], ""),
+        ("gbs", {}, "1e-9 relative, 1e-9 absolute, in a step"),
+        ("gbs", {"rtol": 0.5}, "1e-4 relative (0.5 was asked for, too loose to judge steps by), 1e-9 absolute, in a step"),
+        ("msbdf", {"atol": 3.0}, "1e-9 relative, 1e-5 absolute (3 was asked for, too loose to judge steps by), in a step"),
+        ("rk4", {}, ""),
     ],
 )
-def test_tolerances_too_loose_are_told(tmp_path, arguments, words):
+def test_tolerances_too_loose_are_told(tmp_path, method, tolerances, words):
     """They were replaced without a word."""
     scene = EXAMPLES / "fourbar_start" / "scene.toml"
-    result = forward(tmp_path, scene, "--until", 0.2, "--samples", 5, "-o", "run.nc", *arguments)
+    options = [text for name, value in tolerances.items() for text in (f"--{name}", value)]
+    result = forward(tmp_path, scene, "--until", 0.2, "--samples", 5, "-o", "run.nc", "--method", method, *options)
     assert result.returncode == DONE, result
     assert (f"  tolerance        {words}\n" in result.stdout) == (words != "") and ("tolerance" in result.stdout) == (words != "")
     with xr.open_dataset(tmp_path / "run.nc") as run:
         assert run.attrs["tolerance"] == words
-    settings = {name[2:]: value if name == "--method" else float(value) for name, value in zip(arguments[::2], arguments[1::2], strict=True)}
-    assert linkdyn.load(scene).forward(0.2, **settings).attrs["tolerance"] == words
+    assert linkdyn.load(scene).forward(0.2, method=method, **tolerances).attrs["tolerance"] == words
 
 
 def test_a_start_that_cannot_be_assembled(tmp_path):
