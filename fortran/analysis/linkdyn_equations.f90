@@ -925,9 +925,8 @@ contains
                                     pivoting=.not. is_plain, least=least)
             workspace%numbers%of(in_unknown)%x(:, :n) = workspace%right(:, :, 1)
         end associate
-        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
         ! half of the digits went where nobody could choose another pivot
-        if (is_plain) is_singular = workspace%growth < sqrt(epsilon(1.0_wp))
+        if (is_plain) is_singular = is_singular .or. workspace%growth < sqrt(epsilon(1.0_wp))
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
         call judge_small_pivots(equations, least, workspace)
     end subroutine solve_by_gauss_jordan

@@ -7,6 +7,7 @@
 module linkdyn_condition_estimate
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_sizes, only: sizes_on_lanes
     implicit none (type, external)
     private
     public :: linear_solver, estimate_inverse_norm
@@ -45,7 +46,7 @@ contains
         allocate (x(lanes, n), direction(lanes, n))
         x = 1/real(n, wp)
         call multiply()
-        norm = size_of_x()
+        norm = sizes_on_lanes(n, x)
         is_active = norm > 0                     ! and not NaN
         direction = sign(1.0_wp, x)
         call find_column()
@@ -55,7 +56,7 @@ contains
                 x(i, column(i)) = 1
             end do
             call multiply()
-            found = size_of_x()
+            found = sizes_on_lanes(n, x)
             is_same = .true.
             do i = 1, n
                 is_same = is_same .and. sign(1.0_wp, x(:, i)) == direction(:, i)
@@ -75,7 +76,7 @@ contains
             x(:, i) = (1 + real(i - 1, wp)/max(1, n - 1))*merge(1, -1, modulo(i, 2) == 1)
         end do
         call multiply()
-        found = 2*size_of_x()/(3*n)
+        found = 2*sizes_on_lanes(n, x)/(3*n)
         where (found > norm) norm = found
 
     contains
@@ -86,16 +87,6 @@ contains
             call solver%solve(.false., x)
             x = left*x
         end subroutine multiply
-
-        pure function size_of_x() result(total)
-            real(wp) :: total(lanes)
-            integer :: m
-
-            total = 0
-            do m = 1, n
-                total = total + abs(x(:, m))
-            end do
-        end function size_of_x
 
         !> The column to which the direction points most.
         subroutine find_column()
