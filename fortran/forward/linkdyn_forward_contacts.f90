@@ -220,11 +220,13 @@ contains
     end subroutine find_contact_responses
 
     !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
-    !> coordinates steps keep what is linear in them, and there is nothing to mend.
+    !> coordinates steps keep what is linear in them, and there is nothing to mend. Nor is what places are rounded by: led back as fast as
+    !> short steps ask for, it would be accelerations that no push can give several joints at once.
     function way_back(self, t) result(wanted)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp) :: wanted(lanes, n_clutch(self%model%scene))
+        real(wp), parameter :: many = 64               !! roundings that a joint variable takes through the loops
         real(wp) :: here(lanes, size(wanted, 2)), slip(lanes, size(wanted, 2)), pace(lanes)
         logical :: is_led(size(wanted, 2))
         integer :: i
@@ -238,7 +240,10 @@ contains
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
             if (turns_as_ball(i)) cycle
-            here(:, i) = here(:, i) - self%clutch%kept(:, i)
+            associate (rounding => many*spacing(max(1.0_wp, abs(self%clutch%kept(:, i)))))
+                here(:, i) = here(:, i) - self%clutch%kept(:, i)
+                here(:, i) = sign(max(abs(here(:, i)) - rounding, 0.0_wp), here(:, i))
+            end associate
             if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
             where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
         end do

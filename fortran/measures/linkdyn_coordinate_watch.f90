@@ -127,18 +127,19 @@ contains
         end do
     end subroutine find_arms
 
-    !> Of the two links of a joint; 0 if neither reaches anywhere.
+    !> Of the two links of a joint; 0 if neither reaches anywhere: what lies on an axis, but for rounding, does not.
     pure real(wp) function smaller_reach(model, j, of_mass) result(arm)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j
         logical, intent(in) :: of_mass
+        real(wp), parameter :: on_axis = sqrt(epsilon(1.0_wp))     !! part of the mechanism's size
         real(wp) :: reach
         integer :: side
 
         arm = 0
         do side = 1, 2
             reach = reach_of(model, j, side, of_mass)
-            if (reach > 0 .and. (arm == 0 .or. reach < arm)) arm = reach
+            if (reach > on_axis*scene_size(model) .and. (arm == 0 .or. reach < arm)) arm = reach
         end do
     end function smaller_reach
 
