@@ -925,7 +925,7 @@ contains
             where (is_accepted) self%clutch%longest = max(self%clutch%longest, t - self%clutch%t_accepted)
         end if
         where (is_accepted) self%clutch%t_accepted = t
-        call follow_slips(self, t, y, is_accepted)
+        if (n_clutch(self%model%scene) > 0) call follow_slips(self, t, y, is_accepted)
         where (is_accepted) self%motors%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         if (is_accepted(1)) self%cylinders%culprit = 0
