@@ -64,6 +64,18 @@ int put_value(const void *handle, std::string_view key, Value value) {
     return 1;
 }
 
+template <class Value>
+int put_value_at(const void *handle, int64_t index, Value value) {
+    auto *array = const_cast<toml::array *>(handle ? as_node(handle)->as_array() : nullptr);
+    if (!array || index < 0 || index >= static_cast<int64_t>(array->size())) return 0;
+    try {
+        array->replace(array->cbegin() + index, value);
+    } catch (const std::bad_alloc &) {
+        return 0;
+    }
+    return 1;
+}
+
 // A number in place of another: whole ones as integers, which are read wherever a float is, and for branches alone.
 template <class Put>
 int put_number(double value, Put put) {
@@ -355,16 +367,11 @@ int linkdyn_toml_put_text(const void *handle, const char *key, int key_len, cons
 }
 
 int linkdyn_toml_put_at(const void *handle, int64_t index, double value) {
-    auto *array = const_cast<toml::array *>(handle ? as_node(handle)->as_array() : nullptr);
-    if (!array || index < 0 || index >= static_cast<int64_t>(array->size())) return 0;
-    return put_number(value, [&](auto number) {
-        try {
-            array->replace(array->cbegin() + index, number);
-        } catch (const std::bad_alloc &) {
-            return 0;
-        }
-        return 1;
-    });
+    return put_number(value, [&](auto number) { return put_value_at(handle, index, number); });
+}
+
+int linkdyn_toml_put_text_at(const void *handle, int64_t index, const char *text, int64_t text_len) {
+    return put_value_at(handle, index, std::string_view(text, static_cast<size_t>(text_len)));
 }
 
 void linkdyn_toml_take_out(void *handle, const char *key, int key_len) {

@@ -49,6 +49,7 @@ int64_t linkdyn_toml_text(const void *node, char *text, int64_t text_len);
 int linkdyn_toml_put(const void *table, const char *key, int key_len, double value);
 int linkdyn_toml_put_text(const void *table, const char *key, int key_len, const char *text, int64_t text_len);
 int linkdyn_toml_put_at(const void *array, int64_t index, double value);
+int linkdyn_toml_put_text_at(const void *array, int64_t index, const char *text, int64_t text_len);
 
 /* Documents of several files: one key less; names of files (`table`, `mesh`) with a folder in front; all of another document
  * moved into this one, 1 if nothing is there twice, else 0 with the key and both lines; the document as a text (free with

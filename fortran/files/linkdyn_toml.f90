@@ -43,6 +43,7 @@ module linkdyn_toml
         procedure :: put => node_put
         procedure :: put_text => node_put_text
         procedure :: put_at => node_put_at
+        procedure :: put_text_at => node_put_text_at
     end type toml_node
 
     interface
@@ -179,6 +180,14 @@ module linkdyn_toml
             integer(c_int64_t), value :: index
             real(c_double), value :: value
         end function c_put_at
+
+        integer(c_int) function c_put_text_at(node, index, text, text_len) bind(c, name="linkdyn_toml_put_text_at")
+            import :: c_ptr, c_char, c_int, c_int64_t
+            type(c_ptr), value :: node
+            integer(c_int64_t), value :: index
+            character(kind=c_char), intent(in) :: text(*)
+            integer(c_int64_t), value :: text_len
+        end function c_put_text_at
 
         integer(c_int64_t) function c_get_text(node, text, text_len) bind(c, name="linkdyn_toml_text")
             import :: c_ptr, c_char, c_int64_t
@@ -485,4 +494,14 @@ contains
 
         done = c_put_at(self%handle, int(i - 1, c_int64_t), real(value, c_double))
     end subroutine node_put_at
+
+    !> A text in place of item i of a list, from 1, which must be there.
+    subroutine node_put_text_at(self, i, text)
+        class(toml_node), intent(in) :: self
+        integer, intent(in) :: i
+        character(len=*), intent(in) :: text
+        integer(c_int) :: done
+
+        done = c_put_text_at(self%handle, int(i - 1, c_int64_t), text, int(len(text), c_int64_t))
+    end subroutine node_put_text_at
 end module linkdyn_toml

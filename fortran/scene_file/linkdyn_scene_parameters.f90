@@ -18,7 +18,7 @@ module linkdyn_scene_parameters
     use linkdyn_expression, only: measured_value
     implicit none (type, external)
     private
-    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers
+    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers, add_unit
 
     integer, parameter :: key_len = 256
 
@@ -153,6 +153,21 @@ contains
         is_same_place = a%parent%is_same_as(b%parent) .and. a%key == b%key .and. a%item == b%item
     end function is_same_place
 
+    !> The numbers that an axis changes with the unit of its values behind them: whoever reads them finds out whether it fits.
+    subroutine add_unit(root, axis)
+        type(scene_place), intent(in) :: root
+        type(axis_spec), intent(in) :: axis
+        type(varied_numbers) :: varied
+        character(len=number_length) :: text
+        integer :: i, n
+
+        call find_numbers(root, [axis], varied)
+        do i = 1, size(varied%place)
+            call put_number(varied%original(i), text, n)
+            call put_text(varied%place(i), text(:n)//" "//trim(axis%given_unit))
+        end do
+    end subroutine add_unit
+
     !> Put the values of one design into the document, whatever values stand there now.
     !>
     !> A number that arithmetic gives may follow from variables that vary, too. So all variables get their values first, those
@@ -252,7 +267,11 @@ contains
         type(number_at), intent(in) :: place
         character(len=*), intent(in) :: text
 
-        if (place%item == 0) call place%parent%put_text(place%key, text)
+        if (place%item > 0) then
+            call place%parent%put_text_at(place%item, text)
+        else
+            call place%parent%put_text(place%key, text)
+        end if
     end subroutine put_text
 
     !> A number, or a text with a number and its unit, or with arithmetic.

@@ -5,7 +5,7 @@
 module linkdyn_scene_reader
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: share_name, share_refused, scene_type, source_spec, source_shelf, path_len, law_none
     use linkdyn_laws, only: evaluate_law
     use linkdyn_toml, only: toml_document, free_toml
@@ -33,6 +33,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
+    use linkdyn_scene_parameters, only: add_unit
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
     use linkdyn_variables, only: variable_table
@@ -69,11 +70,41 @@ contains
 
         call open_document(text, file, folder, document, source, status)
         if (status%is_ok()) call read_document(document, source, folder, .true., scene, status)
+        if (status%is_ok()) call check_units_of_axes(document, source, folder, scene, status)
         scene%source = source                          ! whatever came of it, so that its files are known
         scene%text = text
         if (status%is_ok() .and. size(source) > 1) scene%text = document%as_text()
         call free_toml(document)
     end subroutine parse_scene
+
+    !> Values of an axis may have a unit where the number in the file has none. Which unit it may be the key knows: the scene is read
+    !> once more, with that unit behind the number. The document is not to be read again.
+    subroutine check_units_of_axes(document, source, folder, scene, status)
+        type(toml_document), intent(in) :: document
+        type(source_spec), intent(in) :: source(:)
+        character(len=*), intent(in) :: folder
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_type), allocatable :: with_units
+        type(status_type) :: trial
+        type(scene_place) :: place
+        integer :: i
+
+        do i = 1, size(scene%sweep%axis)
+            associate (axis => scene%sweep%axis(i))
+                if (.not. axis%adds_unit) cycle
+                place = root_of(document, source)
+                call add_unit(place, axis)
+                allocate (with_units)
+                call read_document(document, source, folder, .false., with_units, trial)
+                deallocate (with_units)
+                if (trial%is_ok()) cycle
+                place%what = "sweep axis "//quoted(axis%name)
+                call refuse(place, "the unit of its values does not fit: "//trim(trial%message), status, axis%line)
+                return
+            end associate
+        end do
+    end subroutine check_units_of_axes
 
     !> Read a scene from a document.
     subroutine read_document(document, source, folder, wants_sweep, scene, status)

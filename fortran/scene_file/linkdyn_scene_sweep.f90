@@ -24,7 +24,7 @@ module linkdyn_scene_sweep
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
-        time_span, wattage, per_second, dimension_text
+        time_span, wattage, per_second, dimension_text, si_unit_text
     use linkdyn_expression, only: measured_value
     use linkdyn_variables, only: measured_of_text
     use linkdyn_scene_variables, only: forbid_varied_variables
@@ -111,7 +111,7 @@ contains
         type(quantity_type) :: quantity
         character(len=:), allocatable :: text
         type(toml_node) :: node
-        logical :: found
+        logical :: found, says_no_unit
         integer :: i
 
         place = at
@@ -149,7 +149,10 @@ contains
         if (axis%kind /= axis_load) call refuse_key(place, "component", "a load", status)
         if (axis%kind /= axis_parameter) call refuse_key(place, "as", "a parameter", status)
         if (axis%kind /= axis_parameter) call refuse_key(place, "weights", "a parameter", status)
+        says_no_unit = quantity%name == ""
         call read_values(place, quantity, axis, status)
+        axis%adds_unit = says_no_unit .and. quantity%name /= ""
+        if (axis%adds_unit) axis%given_unit = si_unit_text(quantity%power)
         call get_text(place, "group", text, status, found)
         if (found) group = text
         call get_text(place, "name", text, status, found)
