@@ -25,7 +25,7 @@ module linkdyn_condition
     implicit none (type, external)
     private
     public :: condition_type, condition_space, make_condition, free_condition, prepare_condition, eliminate_block, find_rcond, &
-        singular_vectors, is_posed
+        singular_vectors, solve_poses, is_posed
 
     integer, parameter :: n_iteration = 6     !! for singular vectors
 
@@ -250,6 +250,27 @@ contains
             end do
         end associate
     end subroutine singular_vectors
+
+    !> One solution of the equations at the poses of the block, in their own rows and columns.
+    subroutine solve_poses(condition, state, space, x)
+        type(condition_type), intent(in) :: condition
+        type(kinematic_state), intent(in), target :: state
+        type(condition_space), intent(inout) :: space
+        real(wp), intent(inout) :: x(lanes, condition%n)     !! in: right-hand side; out: solution
+        real(wp) :: given(lanes, condition%n), of_lane(condition%n), rcond
+        integer :: lane
+
+        given = x
+        space%inverse%state => state
+        if (condition%pose%program%is_made) call space%inverse%solve(.false., x)
+        do lane = 1, lanes
+            if (space%alarm(lane) <= 1 .or. .not. is_posed(state, lane)) cycle
+            call take_lane(condition, lane, space, rcond)
+            of_lane = given(lane, :)/space%row_size(lane, :)
+            call solve_scaled(space%dense, .false., of_lane)
+            x(lane, :) = of_lane/space%column_size(lane, :)
+        end do
+    end subroutine solve_poses
 
     !> Inverse iteration: the value sought is amplified against the next one by the square of their ratio each time.
     subroutine iterate_on_lanes(n, space, left, right)

@@ -1,9 +1,13 @@
-!> How far the mechanism may move, to first order, before its equations become singular or its reach ends.
+!> How far the mechanism may move before its equations become singular or its reach ends.
 !>
 !> With u and v the singular vectors of the smallest singular value, sigma = u^T A v of the scaled equations (see
 !> `linkdyn_condition`), the distance is sigma over its gradient. The gradient needs no elimination: sigma changes with A alone, and A
 !> with the links' rotations and slides, which move along the acceleration columns, the velocities for unit rates of the
 !> coordinates. So no position beyond a dead point is ever asked for, however near it is.
+!>
+!> That is so where sigma goes to zero as the distance does. Where a coordinate comes to its limit the links move as the root of the
+!> distance, and sigma goes as the root, or, with slides that run away, as its third power; so which power it is is asked of how
+!> the slope changes on the way (`power_of`).
 !>
 !> Where the links of a planar dyad come into line, the mechanism comes to the end of its reach. The equations may be regular
 !> there, as those of an arm led by its tool are; so the determinant of each dyad's map has a distance of its own,
@@ -12,17 +16,20 @@
 !> The distance is one of the coordinates, angles times a characteristic length.
 module linkdyn_singularity
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
+    use linkdyn_condition, only: condition_type, condition_space, singular_vectors, solve_poses, is_posed
     use linkdyn_closed_forms, only: see_dyad
     use linkdyn_force_map, only: typical_length
-    use linkdyn_joint_rates, only: slide_column
-    use linkdyn_joint_table, only: most_slides, n_slide
+    use linkdyn_joint_motion, only: marker_axis
+    use linkdyn_joint_rates, only: joint_view, view_joint, slide_column
+    use linkdyn_joint_table, only: most_slides, n_slide, slide_axis
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad, attitude_angles
+    use linkdyn_model, only: model_type, step_type, step_pose, is_dyad, attitude_angles
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_planar_rates, only: planar_joint_rate
     use linkdyn_pose, only: rpy_rotation, rotate_rpy
     use linkdyn_vec2, only: rot2, operator(+), operator(*)
     use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.cross.), operator(.dot.)
@@ -32,16 +39,20 @@ module linkdyn_singularity
 
     !> [rad] of a central difference: its error of second order is as small as rounding
     real(wp), parameter :: largest_turn = epsilon(1.0_wp)**(1.0_wp/3)
+    !> The same of a second difference.
+    real(wp), parameter :: small_turn = epsilon(1.0_wp)**0.25_wp
 
     !> Scratch of one thread.
     type :: singularity_space
-        type(kinematic_state) :: moved            !! the mechanism a little moved
+        type(kinematic_state) :: going            !! the mechanism on its way to the singular position, at unit rate
+        type(kinematic_state) :: moved            !! a little moved
         type(lane_space) :: of_matrix             !! its equations
         real(wp), allocatable :: left(:, :), right(:, :)    !! singular vectors, scaled back to the equations' own rows and columns
         real(wp), allocatable :: gradient(:, :)   !! of sigma (lane, n_q) [1/m], angles times the length
         real(wp), allocatable :: slide(:, :, :)   !! rates of the slides for a unit rate of a coordinate (lane, slide, n_joint)
         real(wp), allocatable :: unit(:)          !! what a unit of each coordinate counts (n_q) [m]
-        logical :: may_fold = .false.             !! a coordinate may come to its limit: loops are closed
+        real(wp), allocatable :: turned(:, :)     !! what the equations' change along the way makes of the right vector (lane, n)
+        real(wp), allocatable :: solved(:, :)     !! and what solves that
     contains
         procedure :: free => free_singularity
     end type singularity_space
@@ -54,12 +65,12 @@ contains
         type(condition_type), intent(in) :: condition
         type(singularity_space), intent(out) :: space
 
+        call prepare_kinematics(model, 0, space%going)
         call prepare_kinematics(model, 0, space%moved)
         allocate (space%left(lanes, condition%n), space%right(lanes, condition%n))
         allocate (space%gradient(lanes, model%n_q), space%slide(lanes, most_slides, model%n_joint))
         space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
-        space%may_fold = any(model%step%kind /= step_pose .and. model%step%kind /= step_joint .and. model%step%kind /= step_ups) &
-                         .and. (model%is_planar .or. all(model%step%kind /= step_pose))
+        allocate (space%turned(lanes, condition%n), space%solved(lanes, condition%n))
     end subroutine prepare_singularity
 
     subroutine free_singularity(self)
@@ -78,7 +89,7 @@ contains
         type(condition_space), intent(inout) :: factors
         type(singularity_space), intent(inout) :: space
         real(wp), intent(out) :: distance(lanes)
-        real(wp) :: sigma(lanes), steepness(lanes)
+        real(wp), dimension(lanes) :: sigma, steepness, curvature
         integer :: k, lane
 
         call singular_vectors(condition, state, factors, space%left, space%right, sigma)
@@ -92,8 +103,10 @@ contains
             steepness = steepness + space%gradient(:, k)**2
         end do
         steepness = sqrt(steepness)
+        call go_there(model, state, sigma, steepness, space)
         distance = abs(sigma)/steepness
-        if (space%may_fold) call shorten_at_folds(model, state, sigma, steepness, space, distance)
+        call curvature_of_sigma(model, condition, state, sigma, factors, space, curvature)
+        distance = distance*power_of(sigma, steepness, curvature)
         if (model%n_dyad > 0) call look_at_reach(model, state, space, distance)
         do lane = 1, lanes
             if (.not. is_posed(state, lane)) distance(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -126,7 +139,7 @@ contains
         type(kinematic_state), intent(in) :: state
         type(singularity_space), intent(inout) :: space
         real(wp), intent(inout) :: distance(lanes)
-        real(wp), dimension(lanes) :: determinant, product, lengths, steepness, way
+        real(wp), dimension(lanes) :: determinant, product, lengths, steepness, curvature, way
         integer :: i, k
 
         do i = 1, size(model%step)
@@ -139,8 +152,10 @@ contains
                 steepness = steepness + space%gradient(:, k)**2
             end do
             steepness = sqrt(steepness)
+            call go_there(model, state, determinant, steepness, space)
             way = abs(determinant)/steepness
-            call shorten_at_folds(model, state, determinant, steepness, space, way)
+            call curvature_of_determinant(model, model%step(i), space, curvature)
+            way = way*power_of(determinant, steepness, curvature)
             where (way < distance) distance = way
         end do
     end subroutine look_at_reach
@@ -263,44 +278,196 @@ contains
         end associate
     end subroutine move
 
-    !> Where a coordinate comes to its own limit, the links' velocities for a unit rate of it grow as 1/sqrt(distance) and sigma
-    !> goes as sqrt(distance): sigma over its slope is then twice the distance. With the mechanism moving towards
-    !> the singularity at unit rate, w its angular velocities and a their derivatives, c = distance*(a.w)/(w.w) is 1 there and
-    !> nearly 0 where the velocities hardly change; 1 - c/2 of the distance is right in both.
-    subroutine shorten_at_folds(model, state, sigma, steepness, space, distance)
+    !> The power of the distance as which something goes to zero: if it is C d^p along the way, its slope and how that changes tell
+    !> p, wherever one is. Near one it is one: on the way to a simple zero, too, slopes change a little. Nothing is below a root; what
+    !> looks so is one, and half of what it looks like mends the first order that the root alone leaves.
+    elemental real(wp) function power_of(value, steepness, curvature) result(power)
+        real(wp), intent(in) :: value, steepness, curvature     !! and its first and second derivative towards zero
+        real(wp), parameter :: root = 0.5_wp, most = 1.5_wp     !! of roots, of roots with slides that run away
+        real(wp), parameter :: simple = 0.1_wp, other = 0.3_wp  !! so far off one: it is one; it is as found
+        real(wp) :: share, off
+
+        power = 1
+        share = 1 - value*curvature/steepness**2
+        if (.not. abs(share) <= huge(share)) return
+        power = most
+        if (share*most > 1) power = 1/share
+        if (power < root) power = sqrt(root*max(power, 0.8_wp*root))
+        off = min(max((abs(power - 1) - simple)/(other - simple), 0.0_wp), 1.0_wp)
+        power = 1 + off*(power - 1)
+    end function power_of
+
+    !> The mechanism where it is, moving towards zero of what has this gradient in `space`, at unit rate.
+    subroutine go_there(model, state, value, steepness, space)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: sigma(lanes), steepness(lanes)
+        real(wp), intent(in) :: value(lanes), steepness(lanes)
         type(singularity_space), intent(inout) :: space
-        real(wp), intent(inout) :: distance(lanes)
-        real(wp), dimension(lanes) :: square, growth, fold
-        integer :: k, o
+        integer :: k
 
-        associate (moved => space%moved)
-            moved%q = state%q
-            moved%qdd = 0
+        associate (going => space%going)
+            going%q = state%q
+            going%by_quaternion = state%by_quaternion
+            going%quaternion = state%quaternion
+            going%qdd = 0
             do k = 1, model%n_q
-                moved%qd(:, k) = -sign(1.0_wp, sigma)*space%gradient(:, k)/(space%unit(k)*steepness)
+                going%qd(:, k) = -sign(1.0_wp, value)*space%gradient(:, k)/(space%unit(k)*steepness)
             end do
-            if (model%n_branch > 0) moved%branch = state%branch
+            if (model%n_branch > 0) going%branch = state%branch
             if (size(model%group) > 0) then
-                moved%group%start_place = state%group%place
-                moved%group%start_q = state%q
+                going%group%start_place = state%group%place
+                going%group%start_q = state%q
             end if
-            call evaluate_kinematics(model, moved)
-            square = 0
-            growth = 0
-            do o = 1, model%n_orientation
-                if (model%is_planar) then
-                    square = square + moved%plane%angular(:, -1, o)**2
-                    growth = growth + moved%plane%angular(:, -1, o)*moved%plane%angular(:, 0, o)
-                else
-                    square = square + (moved%omega(o).dot.moved%omega(o))
-                    growth = growth + (moved%omega(o).dot.moved%alpha(0, o))
-                end if
+            call evaluate_kinematics(model, going)
+        end associate
+    end subroutine go_there
+
+    !> Second derivative of sigma along the way, of the equations bordered with its singular vectors, which has the value and the
+    !> slope of sigma itself: with ' along the way, u^T A'' v - 2 u^T A' A^-1 A' v + 2 (u^T A' v)^2/sigma.
+    subroutine curvature_of_sigma(model, condition, state, sigma, factors, space, curvature)
+        type(model_type), intent(in) :: model
+        type(condition_type), intent(in) :: condition
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: sigma(lanes)
+        type(condition_space), intent(inout) :: factors
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(out) :: curvature(lanes)
+        real(wp), dimension(lanes) :: step, slope, change, bend
+        real(wp), parameter :: weight(-1:1) = [1, -2, 1]
+        integer :: i, way
+
+        step = step_on_way(model, space%going)
+        space%turned = 0
+        curvature = 0
+        do way = -1, 1
+            call move_on(model, way*step, space)
+            call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
+            associate (form => condition%kernels%form, found => space%of_matrix%found)
+                do i = 1, size(form%row)
+                    if (form%output(i) == 0) cycle
+                    change = found(:, form%output(i))*space%right(:, form%column(i))
+                    curvature = curvature + weight(way)*(space%left(:, form%row(i))*change)
+                    space%turned(:, form%row(i)) = space%turned(:, form%row(i)) + way*change/(2*step)
+                end do
+            end associate
+        end do
+        space%solved = space%turned
+        call solve_poses(condition, state, factors, space%solved)
+        slope = sum(space%left*space%turned, 2)
+        bend = 0
+        do way = -1, 1, 2
+            call move_on(model, way*step, space)
+            call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
+            associate (form => condition%kernels%form, found => space%of_matrix%found)
+                do i = 1, size(form%row)
+                    if (form%output(i) > 0) bend = bend + way*found(:, form%output(i)) &
+                        *(space%left(:, form%row(i))*space%solved(:, form%column(i)))
+                end do
+            end associate
+        end do
+        curvature = curvature/step**2 - bend/step + 2*slope**2/sigma
+    end subroutine curvature_of_sigma
+
+    !> Second derivative of a dyad's determinant along the way.
+    subroutine curvature_of_determinant(model, step, space, curvature)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(out) :: curvature(lanes)
+        real(wp), dimension(lanes) :: determinant, product, lengths, part
+        real(wp), parameter :: weight(-1:1) = [1, -2, 1]
+        integer :: way
+
+        part = step_on_way(model, space%going)
+        curvature = 0
+        do way = -1, 1
+            call move_on(model, way*part, space)
+            call see_dyad(model, step, space%moved, determinant, product, lengths)
+            curvature = curvature + weight(way)*determinant
+        end do
+        curvature = curvature/part**2
+    end subroutine curvature_of_determinant
+
+    !> A step along the way that turns the fastest link a little. Slides may run as they do: equations are linear in them.
+    function step_on_way(model, going) result(step)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: going
+        real(wp) :: step(lanes), speed(lanes)
+        integer :: o
+
+        speed = 1/typical_length(model)
+        do o = 1, model%n_orientation
+            if (model%is_planar) then
+                speed = max(speed, abs(going%plane%angular(:, level_velocity, o)))
+            else
+                speed = max(speed, sqrt(going%omega(o).dot.going%omega(o)))
+            end if
+        end do
+        step = small_turn/speed
+    end function step_on_way
+
+    !> Rotations, places and slides a little further on the way, to second order.
+    subroutine move_on(model, step, space)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: step(lanes)
+        type(singularity_space), intent(inout) :: space
+        real(wp) :: half_square(lanes)
+        type(joint_view) :: view
+        integer :: o, l, j, i
+
+        half_square = 0.5_wp*step**2
+        associate (moved => space%moved, going => space%going)
+            if (model%is_planar) then
+                do l = 0, model%n_link
+                    moved%plane%position(l) = going%plane%position(l) + step*going%plane%linear(level_velocity, l) &
+                                              + half_square*going%plane%linear(level_given, l)
+                end do
+                do o = 0, model%n_orientation
+                    associate (r => going%plane%rotation(o), omega => going%plane%angular(:, level_velocity, o), &
+                               alpha => going%plane%angular(:, level_given, o))
+                        moved%plane%rotation(o) = turned_by(r, step*omega + half_square*alpha, 1 - half_square*omega**2)
+                    end associate
+                end do
+            else
+                do l = 0, model%n_link
+                    moved%position(l) = going%position(l) + step*going%velocity(l) + half_square*going%acceleration(0, l)
+                end do
+                do o = 0, model%n_orientation
+                    associate (r => going%rotation(o))
+                        moved%rotation(o)%x = further(r%x, going%omega(o), going%alpha(0, o))
+                        moved%rotation(o)%y = further(r%y, going%omega(o), going%alpha(0, o))
+                        moved%rotation(o)%z = further(r%z, going%omega(o), going%alpha(0, o))
+                    end associate
+                end do
+            end if
+            do j = 1, model%n_joint
+                do i = 1, n_slide(model%joint(j)%kind)
+                    if (model%is_planar) then
+                        moved%slide(:, i, j) = going%slide(:, i, j) + step*planar_joint_rate(model, going, j, level_velocity) &
+                                               + half_square*planar_joint_rate(model, going, j, level_given)
+                    else
+                        call view_joint(model, moved, j, going%velocity, going%omega, view)
+                        moved%slide(:, i, j) = view%slide.dot.marker_axis(view%frame(1), slide_axis(i, model%joint(j)%kind))
+                    end if
+                end do
             end do
         end associate
-        fold = distance*growth/square
-        distance = distance*(1 - 0.5_wp*merge(min(fold, 1.0_wp), 0.0_wp, fold > 0))
-    end subroutine shorten_at_folds
+
+    contains
+
+        function further(axis, omega, alpha)
+            type(vec3), intent(in) :: axis, omega, alpha
+            type(vec3) :: further
+
+            further = axis + step*(omega.cross.axis) + half_square*((alpha.cross.axis) + (omega.cross.(omega.cross.axis)))
+        end function further
+    end subroutine move_on
+
+    !> A rotation turned by an angle whose sine and cosine are given.
+    pure type(rot2) function turned_by(r, sine, cosine) result(turned)
+        type(rot2), intent(in) :: r
+        real(wp), intent(in) :: sine(lanes), cosine(lanes)
+
+        turned = rot2(cosine*r%c - sine*r%s, cosine*r%s + sine*r%c)
+    end function turned_by
 end module linkdyn_singularity

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "hard"))
 
 from cases import Case, bar, hard_cases, planar, revolute  # noqa: E402
+from test_rccc import cosine_of_closure, linkage  # noqa: E402
 
 pytestmark = pytest.mark.accuracy
 
@@ -211,3 +212,18 @@ def test_end_of_reach(exponent: int) -> None:
     exact = 0.6 - np.hypot(q[0, 0] + 0.05, height)
     # Beside the first order, rounding of the reach.
     assert abs(run.singularity_distance.values[0] / exact - 1) < 20 * gap + 1e-13 / gap
+
+
+@pytest.mark.parametrize("seed", [1, 11, 15, 18, 28])
+def test_slides_that_run_away(seed: int) -> None:
+    """RCCC linkages at the end of their reach: angles move as the root of the distance, slides without bound, and the smallest singular
+    value goes as the third power of the root. Taken for a root, as which angles move, 0.56 of the distance was told."""
+    scene, axis = linkage(seed)
+    angles = np.linspace(0, 3.1, 400)
+    beyond = np.flatnonzero(np.abs(cosine_of_closure(axis, angles)) > 1)[0]
+    end = brentq(lambda angle: abs(cosine_of_closure(axis, np.array([angle]))[0]) - 1, angles[beyond - 1], angles[beyond], xtol=1e-15)
+    gap = np.geomspace(end, 1e-4, 200)
+    run = linkdyn.Scene(scene).inverse(q=(end - gap)[:, np.newaxis], want="singularity_distance")
+    ratio = run.singularity_distance.values / (gap * run.singularity_distance.attrs["length"])
+    near = gap < 1e-2
+    assert near.sum() > 50 and (np.abs(ratio[near] - 1) < 2 * np.sqrt(gap[near])).all()
