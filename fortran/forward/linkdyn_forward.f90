@@ -41,6 +41,8 @@ module linkdyn_forward
         choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
+    real(wp), parameter :: fit = 1.0e-6_wp         !! a start written with seven digits is meant to be on the motion
+
 contains
 
     !> Check, plan, and place the mechanism at its start.
@@ -111,6 +113,13 @@ contains
         call release_texts()
     end subroutine stop_where_passed
 
+    !> A rate written with seven digits is that rate.
+    elemental logical function is_same_rate(rate, other)
+        real(wp), intent(in) :: rate, other
+
+        is_same_rate = abs(rate - other) <= fit*max(1.0_wp, abs(other))
+    end function is_same_rate
+
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
     subroutine refuse_other_start(run, t, q, qd, status)
@@ -118,7 +127,6 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: q(:), qd(:)            !! at the start
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: fit = 1.0e-6_wp         !! a start written with seven digits is meant to be on the motion
         real(wp), dimension(size(q), 1) :: on_q, on_qd, on_qdd
         real(wp), allocatable :: load(:, :, :)
         character(len=:), allocatable :: where
@@ -131,15 +139,17 @@ contains
         call evaluate_motion(run%own, [t], on_q, on_qd, on_qdd, load)
         do k = 1, size(q)
             associate (c => run%own%scene%coordinate(k))
-                if (c%motion%kind == law_none) cycle
+                ! A coordinate without a motion is held, if others do not move it.
+                if (c%motion%kind == law_none .and. .not. all(run%system%by_inverse)) cycle
                 apart = abs(q(k) - on_q(k, 1))
                 if (repeats(run%own, k)) apart = abs(least_angle(apart))
                 where = ""
                 if (apart > fit*max(1.0_wp, abs(q(k)))) then
                     where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)
-                else if (abs(qd(k) - on_qd(k, 1)) > fit*max(1.0_wp, abs(on_qd(k, 1)))) then
+                else if (.not. is_same_rate(qd(k), on_qd(k, 1))) then
                     where = "with "//to_text(qd(k))//" "//trim(c%unit)//"/s, its motion with "//to_text(on_qd(k, 1))//" " &
                             //trim(c%unit)//"/s"
+                    if (c%motion%kind == law_none) where = "with "//to_text(qd(k))//" "//trim(c%unit)//"/s and has no motion"
                 end if
                 if (where == "") cycle
                 call fail(status, status_bad_input, "coordinate "//quoted(c%name)//" starts "//where &

@@ -128,7 +128,7 @@ contains
         call list_variables(variables, scene)
         call read_tables(root, folder, scene, status)
         if (wants_sweep) call read_sweep(root, scene, status)
-        if (status%is_ok()) call start_on_motion(scene)
+        if (status%is_ok()) call start_on_motion(root, scene, status)
     end subroutine read_document
 
     !> The table at the top.
@@ -233,17 +233,33 @@ contains
         call get_word(root, "redundancy", share_name, scene%redundancy, status, found)
     end subroutine read_head
 
-    !> A coordinate without a start of its own starts where its motion does.
-    pure subroutine start_on_motion(scene)
+    !> Coordinates without a start begin on their motion, and so do driven ones: a velocity of another start would be heard by nobody.
+    subroutine start_on_motion(root, scene, status)
+        type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
-        real(wp) :: acceleration
+        type(status_type), intent(inout) :: status
+        real(wp), parameter :: fit = 1.0e-6_wp         !! a rate written with seven digits is that rate
+        type(scene_place) :: place
+        real(wp) :: position, velocity, acceleration
         integer :: i
 
         do i = 1, size(scene%coordinate)
             associate (coordinate => scene%coordinate(i))
-                if (coordinate%has_start .or. coordinate%motion%kind == law_none) cycle
-                call evaluate_law(coordinate%motion, scene%time%first, coordinate%start_position, &
-                    coordinate%start_velocity, acceleration)
+                if ((coordinate%has_start .and. .not. coordinate%is_driven) .or. coordinate%motion%kind == law_none) cycle
+                call evaluate_law(coordinate%motion, scene%time%first, position, velocity, acceleration)
+                if (abs(coordinate%start_velocity) > 0 .and. &
+                    abs(coordinate%start_velocity - velocity) > fit*max(1.0_wp, abs(velocity))) then
+                    place = root
+                    place%what = "coordinate "//quoted(coordinate%name)
+                    call refuse(place, "starts with the "//to_text(velocity)//" "//trim(coordinate%unit)// &
+                        "/s of its motion, not with the "//to_text(coordinate%start_velocity)//" "//trim(coordinate%unit)// &
+                        "/s of 'start' (expected a start that says a place, too, of a coordinate that is not driven)", status, &
+                        coordinate%line)
+                    return
+                end if
+                if (coordinate%has_start) cycle
+                coordinate%start_position = position
+                coordinate%start_velocity = velocity
             end associate
         end do
     end subroutine start_on_motion

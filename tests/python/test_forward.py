@@ -197,6 +197,16 @@ def test_driven_coordinate():
     np.testing.assert_allclose(again.driving_force, run.driving_force, atol=1e-12)
 
 
+def test_held_by_inverse_from_rest_only():
+    """Without a motion the law `inverse` holds the start: a velocity there was taken, and drifted under forces of rest."""
+    at_rest = {"actuator.J.law": {"type": "inverse"}}
+    arm = linkdyn.Scene(ARM)
+    np.testing.assert_allclose(arm.with_(at_rest).forward().q, 0.2, atol=1e-9)
+    moving = arm.with_(at_rest | {"coordinate.J.start": {"position": 0.2, "velocity": 1.0}})
+    with pytest.raises(linkdyn.InputError, match="coordinate 'J' starts with 1 rad/s and has no motion: the law \"inverse\""):
+        moving.forward()
+
+
 def test_start_chooses_how_a_spatial_group_closes():
     scene = linkdyn.load(EXAMPLES / "rcsp_start" / "scene.toml")
     q = scene.motion()[0][:1]
