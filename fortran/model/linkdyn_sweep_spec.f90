@@ -85,8 +85,6 @@ module linkdyn_sweep_spec
         integer :: target = 0                     !! coordinate or load
         integer :: component = 0                  !! of a load: Fx Fy Fz Mx My Mz
         type(parameter_spec), allocatable :: parameter(:)
-        character(len=64) :: given_unit = ""      !! SI unit of values of a parameter, where the number in the file has none
-        logical :: adds_unit = .false.            !! they have one
         integer :: operation = set_value
         integer :: group = 0                      !! axes of one group advance together
         integer :: sampling = 0                   !! one of `sampling_*`

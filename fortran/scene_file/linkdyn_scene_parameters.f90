@@ -18,7 +18,8 @@ module linkdyn_scene_parameters
     use linkdyn_expression, only: measured_value
     implicit none (type, external)
     private
-    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers, add_unit
+    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers, &
+        added_unit, add_unit
 
     integer, parameter :: key_len = 256
 
@@ -32,6 +33,12 @@ module linkdyn_scene_parameters
         logical :: is_variable = .false.        !! of [variables]: what refers to it wants its unit
         character(len=64) :: unit = ""
     end type number_at
+
+    !> The unit of an axis's values where the number in the file has none.
+    type :: added_unit
+        logical :: is_there = .false.           !! the values have one
+        character(len=64) :: text = ""          !! SI; empty: of a plain number
+    end type added_unit
 
     !> What one axis does to one number.
     type :: change_type
@@ -154,9 +161,10 @@ contains
     end function is_same_place
 
     !> The numbers that an axis changes with the unit of its values behind them: whoever reads them finds out whether it fits.
-    subroutine add_unit(root, axis)
+    subroutine add_unit(root, axis, unit)
         type(scene_place), intent(in) :: root
         type(axis_spec), intent(in) :: axis
+        type(added_unit), intent(in) :: unit
         type(varied_numbers) :: varied
         character(len=number_length) :: text
         integer :: i, n
@@ -164,7 +172,7 @@ contains
         call find_numbers(root, [axis], varied)
         do i = 1, size(varied%place)
             call put_number(varied%original(i), text, n)
-            call put_text(varied%place(i), text(:n)//" "//trim(axis%given_unit))
+            call put_text(varied%place(i), text(:n)//" "//trim(unit%text))
         end do
     end subroutine add_unit
 

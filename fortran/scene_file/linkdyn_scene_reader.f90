@@ -33,7 +33,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
-    use linkdyn_scene_parameters, only: add_unit
+    use linkdyn_scene_parameters, only: added_unit, add_unit
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
     use linkdyn_variables, only: variable_table
@@ -67,10 +67,11 @@ contains
         type(status_type), intent(out) :: status
         type(toml_document) :: document
         type(source_spec), allocatable :: source(:)
+        type(added_unit), allocatable :: added(:)
 
         call open_document(text, file, folder, document, source, status)
-        if (status%is_ok()) call read_document(document, source, folder, .true., scene, status)
-        if (status%is_ok()) call check_units_of_axes(document, source, folder, scene, status)
+        if (status%is_ok()) call read_document(document, source, folder, .true., scene, status, added)
+        if (status%is_ok()) call check_units_of_axes(document, source, folder, scene, added, status)
         scene%source = source                          ! whatever came of it, so that its files are known
         scene%text = text
         if (status%is_ok() .and. size(source) > 1) scene%text = document%as_text()
@@ -79,11 +80,12 @@ contains
 
     !> Values of an axis may have a unit where the number in the file has none. Which unit it may be the key knows: the scene is read
     !> once more, with that unit behind the number. The document is not to be read again.
-    subroutine check_units_of_axes(document, source, folder, scene, status)
+    subroutine check_units_of_axes(document, source, folder, scene, added, status)
         type(toml_document), intent(in) :: document
         type(source_spec), intent(in) :: source(:)
         character(len=*), intent(in) :: folder
         type(scene_type), intent(in) :: scene
+        type(added_unit), intent(in) :: added(:)       !! of its axes
         type(status_type), intent(inout) :: status
         type(scene_type), allocatable :: with_units
         type(status_type) :: trial
@@ -92,9 +94,9 @@ contains
 
         do i = 1, size(scene%sweep%axis)
             associate (axis => scene%sweep%axis(i))
-                if (.not. axis%adds_unit) cycle
+                if (.not. added(i)%is_there) cycle
                 place = root_of(document, source)
-                call add_unit(place, axis)
+                call add_unit(place, axis, added(i))
                 allocate (with_units)
                 call read_document(document, source, folder, .false., with_units, trial)
                 deallocate (with_units)
@@ -107,14 +109,16 @@ contains
     end subroutine check_units_of_axes
 
     !> Read a scene from a document.
-    subroutine read_document(document, source, folder, wants_sweep, scene, status)
+    subroutine read_document(document, source, folder, wants_sweep, scene, status, added)
         type(toml_document), intent(in) :: document
         type(source_spec), intent(in) :: source(:)     !! files that it is made of
         character(len=*), intent(in) :: folder         !! as in `parse_scene`
         logical, intent(in) :: wants_sweep             !! read the table [sweep], too
         type(scene_type), intent(out) :: scene
         type(status_type), intent(inout) :: status
+        type(added_unit), allocatable, intent(out), optional :: added(:)    !! of the sweep's axes
         type(scene_place) :: root
+        type(added_unit), allocatable :: of_axes(:)
         type(variable_table), target :: variables
         type(source_shelf), target :: sources
 
@@ -127,7 +131,8 @@ contains
         call read_variables(root, variables, status)
         call list_variables(variables, scene)
         call read_tables(root, folder, scene, status)
-        if (wants_sweep) call read_sweep(root, scene, status)
+        if (wants_sweep) call read_sweep(root, scene, of_axes, status)
+        if (present(added)) call move_alloc(of_axes, added)
         if (status%is_ok()) call start_on_motion(root, scene, status)
     end subroutine read_document
 

@@ -6,7 +6,7 @@ module linkdyn_scene_sweep
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
-    use linkdyn_scene_parameters, only: check_parameter
+    use linkdyn_scene_parameters, only: added_unit, check_parameter
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep_quantities, only: described => quantity_type, describe_quantity
@@ -44,15 +44,16 @@ module linkdyn_scene_sweep
 contains
 
     !> Fill `scene%sweep`. Markers that carry a load only in the sweep get one in the scene.
-    subroutine read_sweep(root, scene, status)
+    subroutine read_sweep(root, scene, added, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
+        type(added_unit), allocatable, intent(out) :: added(:)    !! of the axes
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
         type(toml_node) :: node
 
         allocate (scene%sweep%axis(0), scene%sweep%bound(0), scene%sweep%segment(0), scene%sweep%swing(0), &
-                  scene%sweep%map_axis(0))
+                  scene%sweep%map_axis(0), added(0))
         if (.not. status%is_ok()) return
         node = root%node%get("sweep")
         if (.not. node%is_present()) return
@@ -62,7 +63,7 @@ contains
         call require_table(place, "a table with axes, written [sweep] and [[sweep.axis]]", status)
         call allow_keys(place, [character(len=11) :: "axis", "combination", "reduce", "moments", "histogram", "keep", "map", "on", &
             "length", "constraint", "limit", "clearance", "swing", "chunk"], status)
-        call read_axes(place, root%node, scene, status)
+        call read_axes(place, root%node, scene, added, status)
         call read_wishes(place, scene, status)
         call read_map(place, scene%sweep, status)
         call read_bounds(place, "constraint", .false., scene, status)
@@ -75,10 +76,11 @@ contains
 
     ! ---------------------------------------------------------------- axes
 
-    subroutine read_axes(place, root, scene, status)
+    subroutine read_axes(place, root, scene, added, status)
         type(scene_place), intent(in) :: place
         type(toml_node), intent(in) :: root
         type(scene_type), intent(inout) :: scene
+        type(added_unit), allocatable, intent(inout) :: added(:)
         type(status_type), intent(inout) :: status
         type(toml_node) :: list
         character(len=name_len), allocatable :: group(:)
@@ -91,21 +93,23 @@ contains
         call get_word(place, "combination", [character(len=7) :: "product", "zip"], combination, status, found)
         if (.not. status%is_ok()) return
         deallocate (scene%sweep%axis)
-        allocate (scene%sweep%axis(n), group(n))
+        deallocate (added)
+        allocate (scene%sweep%axis(n), group(n), added(n))
         do i = 1, n
             call read_axis(place_at(place, list%at(i), "sweep axis "//to_text(i)), root, scene, scene%sweep%axis(i), group(i), &
-                status)
+                added(i), status)
             if (.not. status%is_ok()) return
         end do
         call form_groups(place, group, combination == 2, scene%sweep, status)
     end subroutine read_axes
 
-    subroutine read_axis(at, root, scene, axis, group, status)
+    subroutine read_axis(at, root, scene, axis, group, added, status)
         type(scene_place), intent(in) :: at
         type(toml_node), intent(in) :: root
         type(scene_type), intent(inout) :: scene
         type(axis_spec), intent(out) :: axis
         character(len=name_len), intent(out) :: group
+        type(added_unit), intent(out) :: added
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
         type(quantity_type) :: quantity
@@ -151,8 +155,8 @@ contains
         if (axis%kind /= axis_parameter) call refuse_key(place, "weights", "a parameter", status)
         says_no_unit = quantity%name == ""
         call read_values(place, quantity, axis, status)
-        axis%adds_unit = says_no_unit .and. quantity%name /= ""
-        if (axis%adds_unit) axis%given_unit = si_unit_text(quantity%power)
+        added%is_there = says_no_unit .and. quantity%name /= ""
+        if (added%is_there) added%text = si_unit_text(quantity%power)
         call get_text(place, "group", text, status, found)
         if (found) group = text
         call get_text(place, "name", text, status, found)
