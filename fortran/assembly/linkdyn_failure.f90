@@ -17,7 +17,7 @@ module linkdyn_failure
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: failure_at, lock_in_words, lost_in_words, map_in_words, meeting_in_words, reach_in_words
+    public :: failure_at, lock_in_words, lost_in_words, map_in_words, meeting_in_words, reach_in_words, end_in_words
 
 contains
 
@@ -195,6 +195,25 @@ contains
         end select
     end function lost_in_words
 
+    !> "links 'coupler', 'rocker' cannot be closed beyond J1 = 67.1 deg; they close from J1 = -67.1 deg to 67.1 deg" of a way that ends.
+    function end_in_words(model, lost) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        character(len=:), allocatable :: text
+        integer :: i, k
+
+        i = failing_step_of(model, lost)
+        text = "the loops"
+        if (i > 0) text = links_of(model, model%step(i))
+        text = text//" cannot be closed beyond "
+        if (count(lost%from /= lost%to) /= 1) then
+            text = text//"there"
+            return
+        end if
+        k = findloc(lost%from /= lost%to, .true., dim=1)
+        text = text//end_of_way(model, lost, k)//range_in_words(model, lost, i)
+    end function end_in_words
+
     !> ": joints 'A' and 'B' are 0.3 m apart, the links reach from 0.1 m to 0.2 m" of two links with hinges.
     function span_in_words(model, lost, i) result(text)
         type(model_type), intent(in) :: model
@@ -282,8 +301,7 @@ contains
 
         k = findloc(lost%from /= lost%to, .true., dim=1)
         if (k > 0 .and. count(lost%from /= lost%to) == 1) then
-            text = trim(model%scene%coordinate(k)%name)//" = " &
-                   //with_unit(model, k, lost%from(k) + lost%reached*(lost%to(k) - lost%from(k)))//", " &
+            text = end_of_way(model, lost, k)//", " &
                    //with_unit(model, k, abs((1 - lost%reached)*(lost%to(k) - lost%from(k))))//" before the sample"
         else if (k > 0) then
             text = to_text(nint(100*lost%reached))//" % of the way from the sample before"
@@ -306,12 +324,24 @@ contains
         end if
     end function with_unit
 
+    !> "J1 = 67.1 deg" where a way ended on which one coordinate changes.
+    function end_of_way(model, lost, k) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        integer, intent(in) :: k                         !! coordinate
+        character(len=:), allocatable :: text
+
+        text = trim(model%scene%coordinate(k)%name)//" = " &
+               //with_unit(model, k, lost%from(k) + lost%reached*(lost%to(k) - lost%from(k)))
+    end function end_of_way
+
     !> "; they close from A = -131.2 deg to 131.2 deg", if one coordinate alone moves the links.
     function range_in_words(model, lost, i) result(text)
         type(model_type), intent(in) :: model
         type(lost_way), intent(in) :: lost
         integer, intent(in) :: i                         !! step that fails; 0: not known
         character(len=:), allocatable :: text
+        real(wp), parameter :: seen = 1.0e-3_wp          !! of a stride, the least range that is told
         real(wp) :: lowest(1), highest(1)
         logical :: is_limited(1)
         integer :: k, link
@@ -327,7 +357,9 @@ contains
         k = findloc(model%moves(:, link), .true., dim=1)
         if (lost%reached > 0) then
             call find_reach(model, [k], lost%from, lost%branch, lost%place, lowest, highest, is_limited)
-            if (is_limited(1)) text = "; they close "//reach_in_words(model, k, lowest(1), highest(1))
+            ! From the very end no way may lead back.
+            if (is_limited(1) .and. highest(1) - lowest(1) > seen*model%stride(k)) &
+                text = "; they close "//reach_in_words(model, k, lowest(1), highest(1))
         end if
     end function range_in_words
 

@@ -3,6 +3,7 @@ module linkdyn_forward_words
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_cylinder_states, only: end_of_cylinder
+    use linkdyn_driven_reach, only: driven_out_in_words
     use linkdyn_exchange, only: choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_run, only: forward_run
@@ -82,7 +83,7 @@ contains
 
     function reason_of_stop(run) result(reason)
         type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: reason
+        character(len=:), allocatable :: reason, driven_out
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
         character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
             //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
@@ -95,6 +96,8 @@ contains
         if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
                    .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
             stalled = run%system%stalled_coordinate(run%good_until, run%y)
+        driven_out = ""
+        if (.not. (run%is_over .or. run%system%is_driven_through(1))) driven_out = driven_out_in_words(run)
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
         else if (run%system%is_driven_through(1)) then
@@ -105,6 +108,8 @@ contains
             end if
             reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
                      //" is driven: no force of the stop changes its motion"
+        else if (driven_out /= "") then
+            reason = reason//driven_out
         else if (run%dead_coordinate > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"

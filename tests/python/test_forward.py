@@ -197,6 +197,24 @@ def test_driven_coordinate():
     np.testing.assert_allclose(again.driving_force, run.driving_force, atol=1e-12)
 
 
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "rk4"])
+def test_motion_of_a_drive_out_of_reach(method: str) -> None:
+    """A crank that is driven to where coupler and rocker are stretched, and beyond. It was the energy that would have changed."""
+    bars = {"crank": 2.0, "coupler": 1.5, "rocker": 1.2}
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0.0, -9.8], "frame": {"markers": {"O": [0.0, 0.0], "Q": [2.2, 0.0]}},
+        "link": [{"name": n, "markers": {"A": [0.0, 0.0], "B": [a, 0.0]}, "mass": 1.0, "cog": [a / 2, 0.0], "inertia": 0.1} for n, a in bars.items()],
+        "joint": [{"name": n, "type": "revolute", "between": b} for n, b in {"J1": ["frame.O", "crank.A"], "J2": ["crank.B", "coupler.A"],
+                  "J3": ["coupler.B", "rocker.B"], "J4": ["frame.Q", "rocker.A"]}.items()],
+        "coordinate": [{"joint": "J1", "driven": True, "motion": {"law": "harmonic", "mean": 1.2, "amplitude": 2.0, "frequency": 2.0}}],
+        "actuator": [{"joint": "J1"}],
+    })  # fmt: skip
+    end = np.arccos((2.0**2 + 2.2**2 - 2.7**2) / (2 * 2.0 * 2.2))
+    stopped = scene.forward(0.1, method=method).attrs["stopped"]
+    assert "the motion of 'J1' leads out of reach: links 'coupler', 'rocker' cannot be closed beyond J1 = " in stopped
+    assert abs(np.radians(float(stopped.split("beyond J1 = ")[1].split(" deg")[0])) - end) < 1e-6
+
+
 def test_held_by_inverse_from_rest_only():
     """Without a motion the law `inverse` holds the start: a velocity there was taken, and drifted under forces of rest."""
     at_rest = {"actuator.J.law": {"type": "inverse"}}
