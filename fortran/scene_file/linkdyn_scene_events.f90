@@ -178,6 +178,8 @@ contains
                 if (status%is_ok() .and. value(k) < 0) call refuse_value(place, trim(merge("stiffness", "damping  ", k == 1)), &
                     node(k), "= "//to_text(value(k))//" would pull (expected zero or more)", status)
             end do
+            if (status%is_ok() .and. .not. any(value > 0)) call refuse(place, "has neither stiffness nor damping above zero: "// &
+                "it stops nothing (expected one of them, or no such stop)", status)
             if (.not. status%is_ok()) return
         end if
         call read_rubbing(place, measure, is_spring, rub, status)

@@ -90,6 +90,7 @@ contains
         call get_quantity(place, "share", plain_number, actuator%share, status, found)
         if (status%is_ok() .and. actuator%share <= 0) call refuse_value(place, "share", place%node%get("share"), &
             "is not above zero (expected the part of this drive in the work that several share, for example 2)", status)
+        if (found) call refuse_unshared(place, scene, status)
         call get_quantity(place, "preload", force_quantity(scene%joint(actuator%joint)%kind, actuator%variable), &
                           actuator%preload, status, found)
         node = place%node%get("law")
@@ -100,11 +101,38 @@ contains
             actuator%unit /= "N", shelf, actuator, status)
         if (status%is_ok() .and. is_at_motor(actuator%drive%side) .and. .not. node%is_present()) call refuse_missing(place, &
             "drive", "the motor that the law is about: { ratio = 50, .. }", status)
+        if (node%is_present()) call refuse_idle_creep(place, node, actuator, status)
         node = place%node%get("cylinder")
         if (status%is_ok() .and. node%is_present()) call read_cylinder(place, node, actuator, status)
         if (status%is_ok() .and. actuator%drive%side == side_opening .and. .not. node%is_present()) call refuse_missing(place, &
             "cylinder", "the cylinder that the valve feeds: { bore = '80 mm', .. }", status)
     end subroutine read_actuator
+
+    !> Drives share the work where there are more of them than coordinates.
+    subroutine refuse_unshared(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+
+        if (status%is_ok() .and. size(scene%actuator) <= size(scene%coordinate)) call refuse_value(place, "share", &
+            place%node%get("share"), "is for drives that share their work, and "//counted(size(scene%actuator), "actuator")// &
+            " for "//counted(size(scene%coordinate), "coordinate")//" leave nothing to share (expected more drives, or no "// &
+            "'share')", status)
+    end subroutine refuse_unshared
+
+    !> Below the creep speed goes to zero what a transmission loses of a law's torque at the motor.
+    subroutine refuse_idle_creep(place, drive, actuator, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: drive
+        type(actuator_spec), intent(in) :: actuator
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: creep
+
+        creep = drive%get("creep_speed")
+        if (.not. (creep%is_present() .and. actuator%has_law) .or. is_at_motor(actuator%drive%side)) return
+        if (status%is_ok()) call refuse_value(place, "creep_speed", creep, "is for laws at the motor, and this law gives what "// &
+            "acts at the joint (expected at = ""motor"" in the law, or no 'creep_speed')", status)
+    end subroutine refuse_idle_creep
 
     !> Of several at one joint variable each but one has a name of its own: "crank:brake".
     subroutine read_own_name(place, actuator, status)

@@ -303,6 +303,7 @@ contains
         end if
         do i = 1, size(axis%parameter)
             call check_parameter(place, root, axis%parameter(i)%path, axis%operation /= set_value, number, status)
+            call refuse_unheard(place, axis%parameter(i)%path, status)
             if (axis%operation == multiply_by) cycle
             if (i == 1) quantity%power = number%power
             quantity%name = ""
@@ -313,6 +314,20 @@ contains
         if (axis%operation /= set_value) axis%name = trim(operation_name(axis%operation))//" of "//axis%name
         axis%unit = merge("1 ", "SI", axis%operation == 2)
     end subroutine read_parameter
+
+    !> A sweep is of inverse dynamics, which does not ask what drives and controllers do of themselves.
+    subroutine refuse_unheard(place, path, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: path
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: law_of_drive = ".law.", forward_alone(*) = [character(len=10) :: "controller", "event"]
+        character(len=:), allocatable :: table
+
+        table = path(:scan(path//".", ".[") - 1)
+        if (.not. (any(forward_alone == table) .or. (table == "actuator" .and. index(path, law_of_drive) > 0))) return
+        if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" is heard in forward runs alone, and a sweep is of "// &
+            "inverse dynamics (expected what the mechanism is, or how it moves; Scene.with_ and Scene.forward instead)", status)
+    end subroutine refuse_unheard
 
     !> Along the motion of the scene.
     subroutine read_time_axis(place, scene, axis, quantity, status)
