@@ -10,8 +10,8 @@
 !> the slope changes on the way (`power_of`).
 !>
 !> Where the links of a planar dyad come into line, the mechanism comes to the end of its reach. The equations may be regular
-!> there, as those of an arm led by its tool are; so the determinant of each dyad's map has a distance of its own,
-!> and the shortest counts.
+!> there, as those of an arm led by its tool are; so the determinant of each dyad's map has a distance of its own, and so has the
+!> margin of every other loop, as it is watched where an assembly is followed. The shortest counts.
 !>
 !> The distance is one of the coordinates, angles times a characteristic length.
 module linkdyn_singularity
@@ -26,7 +26,7 @@ module linkdyn_singularity
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
-    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, measure_margins, n_map
     use linkdyn_model, only: model_type, step_type, step_pose, is_dyad, attitude_angles
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_planar_rates, only: planar_joint_rate
@@ -51,6 +51,8 @@ module linkdyn_singularity
         real(wp), allocatable :: gradient(:, :)   !! of sigma (lane, n_q) [1/m], angles times the length
         real(wp), allocatable :: slide(:, :, :)   !! rates of the slides for a unit rate of a coordinate (lane, slide, n_joint)
         real(wp), allocatable :: unit(:)          !! what a unit of each coordinate counts (n_q) [m]
+        real(wp), allocatable :: margin(:, :)     !! of the maps (lane, n_map)
+        real(wp), allocatable :: drift(:, :, :)   !! their rates for unit rates of the coordinates (lane, n_map, n_q)
         real(wp), allocatable :: turned(:, :)     !! what the equations' change along the way makes of the right vector (lane, n)
         real(wp), allocatable :: solved(:, :)     !! and what solves that
     contains
@@ -71,6 +73,7 @@ contains
         allocate (space%gradient(lanes, model%n_q), space%slide(lanes, most_slides, model%n_joint))
         space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
         allocate (space%turned(lanes, condition%n), space%solved(lanes, condition%n))
+        allocate (space%margin(lanes, n_map(model)), space%drift(lanes, n_map(model), model%n_q))
     end subroutine prepare_singularity
 
     subroutine free_singularity(self)
@@ -108,6 +111,7 @@ contains
         call curvature_of_sigma(model, condition, state, sigma, factors, space, curvature)
         distance = distance*power_of(sigma, steepness, curvature)
         if (model%n_dyad > 0) call look_at_reach(model, state, space, distance)
+        if (n_map(model) > model%n_dyad) call look_at_loops(model, state, space, distance)
         do lane = 1, lanes
             if (.not. is_posed(state, lane)) distance(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
         end do
@@ -159,6 +163,67 @@ contains
             where (way < distance) distance = way
         end do
     end subroutine look_at_reach
+
+    !> The way until the margin of some other loop is gone, if it is much shorter: where the equations become singular by that loop,
+    !> too, sigma tells better how far away it is.
+    subroutine look_at_loops(model, state, space, distance)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(inout) :: distance(lanes)
+        real(wp), parameter :: much = 1.0_wp/3        !! 2/3 of a distance, the third power of a root taken for the first, halved
+        real(wp), dimension(lanes) :: steepness, way, by_sigma
+        real(wp) :: least(lanes, size(model%group))
+        logical :: is_of_dyad(n_map(model))
+        integer :: status(lanes), i, k, m
+
+        do k = 1, model%n_q
+            call stand_there(model, state, space%going)
+            space%going%qd = 0
+            space%going%qd(:, k) = 1/space%unit(k)
+            call lead_from_start(model, space%going, status, least)
+            call measure_margins(model, space%going, space%margin, space%drift(:, :, k))
+        end do
+        by_sigma = distance
+        is_of_dyad = .false.
+        do i = 1, size(model%step)
+            if (is_dyad(model%step(i)%kind)) is_of_dyad(model%step(i)%first) = .true.
+        end do
+        do m = 1, size(is_of_dyad)
+            if (is_of_dyad(m)) cycle
+            space%gradient = space%drift(:, m, :)
+            steepness = sqrt(sum(space%gradient**2, 2))
+            call go_there(model, state, space%margin(:, m), steepness, space)
+            way = abs(space%margin(:, m))/steepness
+            way = way*power_by_speeds(model, space%going, way)
+            where (way < much*by_sigma .and. way < distance) distance = way
+        end do
+    end subroutine look_at_loops
+
+    !> The power of the distance as which a margin goes to zero, one or a half: where it is a half, the links' velocities w for a
+    !> unit rate grow as 1/sqrt(distance). With their derivatives a, distance*(a.w)/(w.w) is 1 there, as the distance taken is twice
+    !> the true one, and nearly 0 where they hardly change.
+    function power_by_speeds(model, going, distance) result(power)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: going
+        real(wp), intent(in) :: distance(lanes)       !! taken for the first power
+        real(wp), dimension(lanes) :: power, square, growth
+        integer :: o
+
+        square = 0
+        growth = 0
+        do o = 1, model%n_orientation
+            if (model%is_planar) then
+                square = square + going%plane%angular(:, level_velocity, o)**2
+                growth = growth + going%plane%angular(:, level_velocity, o)*going%plane%angular(:, level_given, o)
+            else
+                square = square + (going%omega(o).dot.going%omega(o))
+                growth = growth + (going%omega(o).dot.going%alpha(0, o))
+            end if
+        end do
+        growth = distance*growth/square
+        power = 1 - 0.5_wp*merge(min(growth, 1.0_wp), 0.0_wp, growth > 0)
+    end function power_by_speeds
 
     !> Derivative of the determinant of a dyad's map for a unit rate of a coordinate: a product of two vectors that turn, or
     !> become longer, along the links' velocities, so the central difference is exact but for the third order.
@@ -279,8 +344,8 @@ contains
     end subroutine move
 
     !> The power of the distance as which something goes to zero: if it is C d^p along the way, its slope and how that changes tell
-    !> p, wherever one is. Near one it is one: on the way to a simple zero, too, slopes change a little. Nothing is below a root; what
-    !> looks so is one, and half of what it looks like mends the first order that the root alone leaves.
+    !> p, wherever one is. Near one it is one: on the way to a simple zero, too, slopes change a little. Nothing is below a root;
+    !> what looks so is one, and half of what it looks like mends the first order that the root alone leaves.
     elemental real(wp) function power_of(value, steepness, curvature) result(power)
         real(wp), intent(in) :: value, steepness, curvature     !! and its first and second derivative towards zero
         real(wp), parameter :: root = 0.5_wp, most = 1.5_wp     !! of roots, of roots with slides that run away
@@ -305,22 +370,29 @@ contains
         type(singularity_space), intent(inout) :: space
         integer :: k
 
-        associate (going => space%going)
-            going%q = state%q
-            going%by_quaternion = state%by_quaternion
-            going%quaternion = state%quaternion
-            going%qdd = 0
-            do k = 1, model%n_q
-                going%qd(:, k) = -sign(1.0_wp, value)*space%gradient(:, k)/(space%unit(k)*steepness)
-            end do
-            if (model%n_branch > 0) going%branch = state%branch
-            if (size(model%group) > 0) then
-                going%group%start_place = state%group%place
-                going%group%start_q = state%q
-            end if
-            call evaluate_kinematics(model, going)
-        end associate
+        call stand_there(model, state, space%going)
+        do k = 1, model%n_q
+            space%going%qd(:, k) = -sign(1.0_wp, value)*space%gradient(:, k)/(space%unit(k)*steepness)
+        end do
+        call evaluate_kinematics(model, space%going)
     end subroutine go_there
+
+    !> The same place and assembly.
+    subroutine stand_there(model, state, going)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(kinematic_state), intent(inout) :: going
+
+        going%q = state%q
+        going%by_quaternion = state%by_quaternion
+        going%quaternion = state%quaternion
+        going%qdd = 0
+        if (model%n_branch > 0) going%branch = state%branch
+        if (size(model%group) > 0) then
+            going%group%start_place = state%group%place
+            going%group%start_q = state%q
+        end if
+    end subroutine stand_there
 
     !> Second derivative of sigma along the way, of the equations bordered with its singular vectors, which has the value and the
     !> slope of sigma itself: with ' along the way, u^T A'' v - 2 u^T A' A^-1 A' v + 2 (u^T A' v)^2/sigma.

@@ -227,3 +227,33 @@ def test_slides_that_run_away(seed: int) -> None:
     ratio = run.singularity_distance.values / (gap * run.singularity_distance.attrs["length"])
     near = gap < 1e-2
     assert near.sum() > 50 and (np.abs(ratio[near] - 1) < 2 * np.sqrt(gap[near])).all()
+
+
+def test_reach_of_loops_closed_by_iteration() -> None:
+    """A Delta robot led by its platform: the equations are regular where an arm and its rods are in line, and no step goes beyond.
+    Far more was told the nearer it came, as the root of the distance."""
+    text = linkdyn.load(ROOT / "examples" / "delta" / "scene.toml").text
+    text = text[: text.index("# To and fro")] + """
+[[coordinate]]
+link = "platform"
+components = ["x", "y", "z"]
+start = { x = 0.03, y = 0.02, z = -0.75 }
+"""
+    scene = linkdyn.Scene(text)
+
+    def slack(place: np.ndarray) -> np.ndarray:
+        """Of each arm: how much longer the rods are than the way from platform to elbow, if that points there."""
+        about = 2 * np.pi * np.arange(3) / 3
+        out = np.cos(about) * place[0] + np.sin(about) * place[1] + 0.05 - 0.2
+        across = -np.sin(about) * place[0] + np.cos(about) * place[1]
+        return 0.8 - np.hypot(np.hypot(out, place[2]) - 0.3, across)
+
+    begin, way = np.array([0.03, 0.02, -0.75]), np.array([0.2, 0.1, -1.0]) / np.sqrt(1.05)
+    end = brentq(lambda s: slack(begin + s * way).min(), 0, 0.6, xtol=1e-15)
+    for gap, bound in ((1e-4, 0.3), (1e-5, 0.05), (1e-6, 0.01)):
+        place = begin + (end - gap) * way
+        arm = slack(place).argmin()
+        slope = np.array([slack(place + h)[arm] - slack(place - h)[arm] for h in 1e-6 * np.eye(3)]) / 2e-6
+        exact = slack(place)[arm] / np.linalg.norm(slope)
+        run = scene.inverse(q=place[np.newaxis], want="singularity_distance")
+        assert abs(run.singularity_distance.values[0] / exact - 1) < bound
