@@ -23,6 +23,8 @@ __all__ = ["Builder", "Frame", "Joint", "Link"]
 
 FIRST = {key: i for i, key in enumerate(("title", "space", "gravity", "change_points", "redundancy", "include", "variables", "measures", "laws", "frame"))}
 """What stands first in a scene file, in this order; the rest stands as it was built."""
+WITH_ONE_VARIABLE = ("revolute", "prismatic", "screw", "slot")
+"""Joints whose actuator is called by the joint alone, whether its variable is written or not."""
 PLACE = re.compile(r"scene\['(\w+)'\](?:\[(\d+)\])?")
 """Where in the dict a message says that something is wrong."""
 
@@ -699,7 +701,7 @@ class Builder:
         self, joint: str | Joint, *, variable: str | None = None, name: str | None = None, share: Quantity | None = None,
         preload: Quantity | None = None, law: Mapping[str, Any] | None = None, drive: Drive | None = None,
         cylinder: Cylinder | None = None, repeat: int | None = None,
-    ) -> None:  # fmt: skip
+    ) -> str:  # fmt: skip
         """A driven joint variable; inverse dynamics finds its force or torque.
 
         Parameters
@@ -720,8 +722,15 @@ class Builder:
             The hydraulic or pneumatic cylinder behind it, and its valve: bore, rod [m], stroke, supply [Pa], ..
         repeat
             Copies.
+
+        Returns
+        -------
+        str
+            What it is called, as controllers want it: "J1", "C.slide", "J1:brake".
         """
         self._add("actuator", locals())
+        one_of_several = variable is not None and self._kind_of(str(joint)) not in WITH_ONE_VARIABLE
+        return f"{joint}{f'.{variable}' if one_of_several else ''}{f':{name}' if name else ''}"
 
     def controller(
         self, actuator: str | Joint, *, target: Law | Literal["motion"], kp: Quantity | None = None, ki: Quantity | None = None,
@@ -913,7 +922,7 @@ class Builder:
     def event(
         self, name: str, *, when: str, direction: Literal["up", "down", "both"] | None = None, do: Literal["note", "stop"] | None = None,
         repeat: int | None = None,
-    ) -> None:  # fmt: skip
+    ) -> str:  # fmt: skip
         """What a forward run looks out for: a number that crosses zero.
 
         Parameters
@@ -928,8 +937,14 @@ class Builder:
             Note it, or end the run there.
         repeat
             Copies.
+
+        Returns
+        -------
+        str
+            Its name, as brakes and clutches want it.
         """
         self._add("event", locals())
+        return name
 
     def stop(
         self, name: str, joint: str | Joint | None = None, *, variable: str | None = None, coordinate: str | None = None,
@@ -1016,6 +1031,10 @@ class Builder:
         between = {"name": keys["name"], "type": type, "between": [keys["first"], keys["second"]]}
         self._add("joint", between | _without(keys, "name", "first", "second"))
         return Joint(keys["name"])
+
+    def _kind_of(self, joint: str) -> str | None:
+        """Type of a joint that was built here; None: of a chain, or one of several copies."""
+        return next((table["type"] for table in self._content.get("joint", []) if table.get("name") == joint), None)
 
     def _set(self, table: str, keys: Mapping[str, Any]) -> None:
         self._content[table] = table_of(_without(keys))

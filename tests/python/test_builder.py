@@ -298,6 +298,22 @@ def test_parts_go_by_their_names():
     assert repr(b.frame) == "<linkdyn link 'frame': markers A>"
 
 
+def test_actuators_and_events_are_called_as_what_was_built_says():
+    b = Builder("names", "spatial")
+    origin = b.frame.marker("O", (0, 0, 0))
+    nut = b.link("nut", mass=1, inertia={"diagonal": (1, 1, 1)}, markers={"O": (0, 0, 0), "A": (0, 0, 1)})
+    lever = b.link("lever", mass=1, inertia={"diagonal": (1, 1, 1)}, markers={"A": (0, 0, 0)})
+    guide, hinge = b.cylindrical("C", origin, nut["O"]), b.revolute("H", nut["A"], lever["A"])
+    for joint, variable in ((guide, "slide"), (guide, "angle"), (hinge, None)):
+        b.coordinate(joint, variable=variable)
+    names = [b.actuator(guide, variable="slide"), b.actuator(guide, variable="angle"), b.actuator(hinge, variable="angle"), b.actuator(hinge, name="brake")]
+    assert tuple(names) == b.scene().actuators == ("C.slide", "C.angle", "H", "H:brake")
+    moves = b.event("moves", when="time - 1 s")
+    b.clutch("latch", joint=hinge, from_event=moves)
+    b.controller(names[0], target=0, kp=1)
+    assert b.scene().forward(t_end=0.1).attrs["stopped"] == ""
+
+
 def test_a_dict_is_a_copy():
     b = pendulum()
     b.to_dict()["link"][0]["mass"] = 7
