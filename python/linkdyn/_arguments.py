@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError
 
 __all__ = [
-    "as_count", "as_flag", "as_floats", "as_known", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_positive", "as_real",
+    "as_count", "as_finite", "as_flag", "as_floats", "as_known", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_positive", "as_real",
     "dimensions", "quoted",
 ]  # fmt: skip
 
@@ -80,6 +80,15 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     if not _fits(array.shape, shape):
         raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}{_forgotten_axis(name, array.shape, shape)}")
     return np.ascontiguousarray(array, dtype=FLOATS)
+
+
+def as_finite(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str = "") -> NDArray[np.float64]:
+    """The same of finite numbers: the message names the first that is none."""
+    array = as_floats(name, values, shape, says)
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        raise InputError(f"{name}[{', '.join(map(str, bad[0]))}] is not a finite number")
+    return array
 
 
 def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:

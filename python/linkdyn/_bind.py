@@ -276,7 +276,8 @@ def motion(handle: int, t: Floats, n_q: int, n_load: int, n_attitude: int = 0) -
     q, qd, qdd = (np.empty((len(t), n_q)) for _ in range(3))
     attitude = np.zeros((len(t), n_attitude, ATTITUDE_WIDTH)) if n_attitude and len(t) else _NOTHING
     load = np.empty((len(t), n_load, LOAD_WIDTH))
-    check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(attitude), _flat(load)))
+    if len(t):
+        check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(attitude), _flat(load)))
     return q, qd, qdd, load, attitude
 
 
@@ -303,7 +304,8 @@ def spline(t: Floats, values: Floats, at: Floats) -> tuple[Floats, Floats, Float
 def frame_motion(handle: int, t: Floats) -> Floats:
     """How the frame moves: (n, 3, 6) x y z [m] roll pitch yaw [rad], their first and second derivatives."""
     pose = np.empty((len(t), 3, POSE_WIDTH))
-    check(*_api.api_frame_motion(handle, t, _flat(pose)))
+    if len(t):
+        check(*_api.api_frame_motion(handle, t, _flat(pose)))
     return pose
 
 
@@ -317,7 +319,8 @@ def payloads(handle: int, t: Floats, n_payload: int) -> Floats:
 def loads(handle: int, t: Floats, n_load: int) -> Floats:
     """The scene's own loads (n, n_load, 6) [N, N m]."""
     load = np.empty((len(t), n_load, LOAD_WIDTH))
-    check(*_api.api_loads(handle, t, _flat(load)))
+    if len(t):
+        check(*_api.api_loads(handle, t, _flat(load)))
     return load
 
 

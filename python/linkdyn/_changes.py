@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ._arguments import quoted_name
@@ -12,7 +12,7 @@ from .errors import InputError
 
 __all__ = ["changed"]
 
-INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
+INDEXED = re.compile(r"(.+?)((?:\[-?\d+\])+)")
 """An element of a list: "cog[0]"."""
 _LABELS = {"coordinate": ("joint", "link", "marker"), "actuator": ("name", "joint"), "friction": ("joint",), "load": ("on",),
            "payload": ("on",), "controller": ("name", "actuator")}  # fmt: skip
@@ -33,14 +33,38 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     Raises
     ------
     InputError
-        The path leads nowhere.
+        The path leads nowhere, or to a new variable that nothing refers to.
     """
     result = copy.deepcopy(dict(scene))
     for path, value in changes.items():
         if not path:
             raise InputError("with_: '' is no path (expected such as 'link.crank.mass')")
         _put(result, path, path, value)
+    for path in changes:
+        _refuse_idle_variable(scene, result, path)
     return result
+
+
+def _refuse_idle_variable(scene: Mapping[str, Any], result: Mapping[str, Any], path: str) -> None:
+    """A new variable to which nothing refers is one that is spelt otherwise in the scene: nothing would follow it."""
+    table, _, name = path.partition(".")
+    variables = scene.get("variables", {})
+    if table != "variables" or not name or name in variables or any(re.search(rf"\b{re.escape(name)}\b", text) for text in _texts(result)):
+        return
+    known = ", ".join(map(repr, variables)) or "none"
+    raise InputError(f"with_: {quoted_name(path)} leads nowhere: nothing refers to a variable {quoted_name(name)} (expected one of {known})")
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """All texts that are values in a scene, or parts of its lists and tables."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for item in value.values():
+            yield from _texts(item)
+    elif isinstance(value, (list, tuple)):
+        for item in value:
+            yield from _texts(item)
 
 
 def _put(table: Any, rest: str, path: str, value: Any) -> None:
@@ -49,7 +73,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
     if not isinstance(table, dict):
         raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no table above {quoted_name(key)}")
     if (place := INDEXED.fullmatch(key)) and key not in table:
-        indices = [int(index) for index in re.findall(r"\d+", place[2])]
+        indices = [int(index) for index in re.findall(r"-?\d+", place[2])]
         if not dot:
             _put_at(table, place[1], indices, path, value)
         else:
@@ -84,7 +108,7 @@ def _holder(table: dict[str, Any], key: str, indices: list[int], path: str) -> t
     """The list that has an element, and which of its elements it is."""
     holder: Any = table.get(key)
     for depth, index in enumerate(indices, start=1):
-        if not isinstance(holder, list) or index >= len(holder):
+        if not isinstance(holder, list) or not 0 <= index < len(holder):
             has = f"{len(holder)} elements" if isinstance(holder, list) else "no list"
             raise InputError(f"with_: {quoted_name(path)} leads nowhere: {quoted_name(key)} has {has} (the first is [0])")
         if depth < len(indices):

@@ -48,6 +48,7 @@ __all__ = [
 scene3d = mechanism
 
 
+@checked
 def assemblies(scene: Scene) -> tuple[Figure, np.ndarray]:
     """A sheet with every assembly in which a scene closes at its start, each small and with its number; the scene's own is 1.
 

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
-from ._arguments import as_path
+from ._arguments import as_path, quoted
 from ._output import scene_inputs
 from .errors import FileError, InputError, MissingFileError
 
@@ -92,6 +92,8 @@ def need_result(run: xr.Dataset, name: str, caller: str) -> xr.DataArray:
     InputError
         The run lacks it; the message says how to get it.
     """
+    if not isinstance(name, str):
+        raise InputError(f"{caller}: quantity: expected a name, got {quoted(name)}")
     if name in run and run[name].dims[:1] == ("sample",):
         return run[name]
     known = ", ".join(str(other) for other, values in run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f")

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
 from ._accessor import count, table
-from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
+from ._arguments import as_count, as_finite, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
 from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
@@ -1132,11 +1132,9 @@ class Scene:
         return instants
 
     def _instants(self, t: ArrayLike) -> NDArray[np.float64]:
-        instants = as_floats("t", t, (None,) * min(1, dimensions("t", t, "(N,)")), "(N,)").reshape(-1)
-        bad = np.flatnonzero(~np.isfinite(instants))
-        if bad.size:
-            raise InputError(f"t[{bad[0]}] is not a finite number")
-        return instants
+        if dimensions("t", t, "(N,)") == 0:
+            return np.array([as_number("t", t)])
+        return as_finite("t", t, (None,), "(N,)")
 
     def _wrenches(self, wrench: Mapping[str, ArrayLike] | None, n: int) -> dict[str, NDArray[np.float64]]:
         """All given wrenches as (N or 1, 6)."""

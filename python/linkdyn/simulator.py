@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn, Self
@@ -12,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
-from ._arguments import as_floats, as_number, as_positive
+from ._arguments import as_finite, as_floats, as_number, as_positive, quoted
 from .errors import InputError, LinkdynError
 from .results import time_axis
 
@@ -116,9 +115,9 @@ class Simulator:
         """
         if force is not None:
             self._hold(force)
-        if not 0.0 < dt < np.inf:
+        if not (isinstance(dt, float) and 0.0 < dt < np.inf):
             dt = as_positive("dt", dt)
-        self._advance(self.t + float(dt))
+        self._advance(self.t + dt)
 
     def reset(
         self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None, pressure: ArrayLike | None = None
@@ -141,10 +140,10 @@ class Simulator:
             It cannot be assembled there.
         """
         place, rate = (
-            first if given is None else as_floats(name, given, (len(first),), "(n_q,), in the order of scene.coordinates")
+            first if given is None else as_finite(name, given, (len(first),), "(n_q,), in the order of scene.coordinates")
             for name, given, first in (("q", q, self._first[0]), ("qd", qd, self._first[1]))
         )
-        given = None if pressure is None else as_floats("pressure", pressure, (self._n_cylinder, 2), "(n, 2), in head and rod chamber")
+        given = None if pressure is None else as_finite("pressure", pressure, (self._n_cylinder, 2), "(n, 2), in head and rod chamber")
         self._force[:] = 0.0
         _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), place, rate, given)
         self._advance(-np.inf)
@@ -187,10 +186,12 @@ class Simulator:
             "q" and "qd" (sample, coordinate) at the sampling instants, "driving_force" (sample, actuator) from there on, "time". A run that cannot go on
             ends early: ``attrs["stopped"]`` says why, else it is empty.
         """
+        if not callable(controller):
+            raise InputError(f"controller: expected a function of the simulator that gives forces, got {quoted(controller)}")
         every = as_positive("every", every)
         n = round((as_number("t_end", t_end) - self.t) / every)
         if n < 1:
-            raise InputError(f"t_end = {t_end!r} is no sampling later than t = {self.t:g} s (expected a later instant)")
+            raise InputError(f"t_end = {t_end!r}, every = {every:g} s: no sampling later than t = {self.t:g} s (expected a later end, or a shorter time)")
         begin, stopped = self.t, ""
         t, q, qd, force = [self.t], [self._q.copy()], [self._qd.copy()], []
         for k in range(1, n + 1):
@@ -226,11 +227,7 @@ class Simulator:
         return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"
 
     def _hold(self, force: ArrayLike) -> None:
-        given = np.asarray(force, dtype=float)
-        # an infinite one is no force, and whether there is one the square tells sooner than a look at each
-        if given.shape != (self._size,) or not math.isfinite(given.dot(given)):
-            given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
-        self._force[: self._size] = given
+        self._force[: self._size] = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
 
     def _advance(self, t_end: float) -> None:
         """In pieces, between which Python hears an interrupt."""

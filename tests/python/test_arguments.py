@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,17 @@ def scene() -> linkdyn.Scene:
     return scene.with_({"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]}, "actuator.J1.law": law})
 
 
+@cache
+def turning() -> linkdyn.Scene:
+    """A crank that goes round."""
+    return linkdyn.new("four-bar")
+
+
+@cache
+def cycle() -> Any:
+    return turning().inverse().linkdyn
+
+
 Q, POINT = [[0.1], [0.2]], lecture.Point((0.1, 0.2))
 FAR, ANGLE = lecture.Point((1.0, 0.5)), lecture.Angle(0.3)
 CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -76,6 +87,23 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
     "sweep": (lambda scene: scene.sweep, {"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]},
                                           "keep": "driving_force", "solver": "lapack", "threads": 2}),
     "study": (lambda scene: scene.study, {"t_end": 0.001}),
+    "simulator": (lambda scene: scene.simulator, {"method": "rk4", "step": 1e-3, "rtol": 1e-9, "atol": 1e-9, "t": 0.0}),
+    "step": (lambda scene: scene.simulator().step, {"dt": 1e-3, "force": [0.0]}),
+    "reset": (lambda scene: scene.simulator().reset, {"q": [0.5], "qd": [0.0], "t": 0.0, "pressure": np.zeros((0, 2))}),
+    "run of a simulator": (lambda scene: scene.simulator().run, {"controller": lambda simulator: [0.0], "t_end": 0.01, "every": 5e-3}),
+    "balance": (lambda scene: turning().balance, {"links": ["crank"], "minimise": "harmonics", "harmonics": [1]}),
+    "convert": (lambda scene: partial(linkdyn.convert, scene), {"closing": "fixed"}),
+    "convert a file": (lambda scene: linkdyn.convert, {"source": ROOT / "examples" / "fourbar" / "scene.toml"}),
+    "plot.assemblies": (lambda scene: plot.assemblies, {"scene": turning()}),
+    "marker": (lambda scene: cycle().marker, {"name": "crank.B"}),
+    "relative_pose": (lambda scene: cycle().relative_pose, {"link": "crank", "seen_from": "coupler"}),
+    "shaking": (lambda scene: cycle().shaking, {"about": [0.0, 0.0]}),
+    "flywheel": (lambda scene: cycle().flywheel, {"fluctuation": 0.02, "actuator": "A"}),
+    "bearing_life": (lambda scene: cycle().bearing_life, {"joint": "B", "capacity": 1e4, "exponent": 3}),
+    "plain_bearing": (lambda scene: cycle().plain_bearing, {"joint": "B", "diameter": 0.03, "width": 0.02}),
+    "motor": (lambda scene: cycle().motor, {"actuator": "A", "ratio": 10.0, "efficiency": 0.9, "inertia": 1e-4}),
+    "duty_cycle": (lambda scene: linkdyn.cycle.duty_cycle, {"phases": [], "quantity": "driving_force"}),
+    "Pose.through": (lambda scene: linkdyn.Pose.through, {"t": [0.0, 1.0], "position": np.zeros((2, 3)), "quaternion": np.ones((2, 4))}),
     "Point": (lambda scene: lecture.Point, {"p": (0.0, 0.0), "dp": (0.0, 0.0), "ddp": (0.0, 0.0)}),
     "Angle": (lambda scene: lecture.Angle, {"the": 0.0, "dthe": 0.0, "ddthe": 0.0}),
     "Slide": (lambda scene: lecture.Slide, {"v": 0.0}),
@@ -151,15 +179,16 @@ def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):
 
 
 SLOW = {("study", "t_end", "large"), ("study", "t_end", "fraction"), ("forward", "t_end", "large"),
-        ("study", "t_end", "nothing")}
-"""Not wrong, but long."""
+        ("study", "t_end", "nothing"), ("step", "dt", "large"), ("step", "dt", "fraction"), ("run of a simulator", "t_end", "large"),
+        ("run of a simulator", "t_end", "fraction"), ("run of a simulator", "controller", "type")}
+"""Not wrong, but long; and a callable of the caller's that fails."""
 
 
 @pytest.mark.parametrize(("call", "argument"), [(call, name) for call, (_, good) in CALLS.items() for name in good])
 def test_nonsense_is_refused_by_name(call, argument, scene):
     """Either it is taken, as a value that means something, or it is an error of the package's that names the argument."""
     procedure, good = CALLS[call]
-    good = good | ({"source": scene.text} if "source" in good else {})
+    good = good | ({"source": scene.text} if call == "Scene" else {}) | ({"phases": [(scene.inverse(), 1.0)]} if "phases" in good else {})
     procedure(scene)(**good)
     for kind, value in NONSENSE.items():
         if (call, argument, kind) in SLOW:
@@ -169,7 +198,7 @@ def test_nonsense_is_refused_by_name(call, argument, scene):
         except linkdyn.MissingFileError:
             assert argument in ("source", "folder")    # a text without line ends is a path
         except linkdyn.LinkdynError as error:
-            known = {"source": ("scene",), "sweep": ("sweep", "scene", "axis"), "changes": ("changes", "with_", "unknown key")}
+            known = {"quantity": ("quantity", "the run has no"), "source": ("source", "scene"), "sweep": ("sweep", "scene", "axis"), "changes": ("changes", "with_", "unknown key")}
             assert any(name in str(error) for name in known.get(argument, (argument,))), (kind, error)
 
 
@@ -262,3 +291,28 @@ def test_a_long_name_is_not_echoed_in_full(change: dict[str, Any]) -> None:
         scene.with_({path.format(long): value.format(long) if isinstance(value, str) else value})
     assert "namename" in str(refused.value)
     assert "name" * 51 not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["motion", "frame_motion", "load_values", "payload_masses"])
+def test_of_no_instants_there_is_nothing(name: str) -> None:
+    values = getattr(turning(), name)([])
+    assert all(len(array) == 0 for array in (values if isinstance(values, tuple) else (values,)))
+
+
+def test_a_simulator_is_told_where_it_is_put() -> None:
+    with pytest.raises(linkdyn.InputError, match=r"^q\[0\] is not a finite number$"):
+        turning().simulator().reset(q=[math.nan])
+
+
+@pytest.mark.parametrize(("path", "says"), [
+    ("variables.cranck", "nothing refers to a variable 'cranck' .expected one of 'ground', 'crank'"),
+    ("link.crank.cog[-1]", r"'cog' has 2 elements .the first is \[0\]"),
+])  # fmt: skip
+def test_a_path_that_changes_nothing_is_refused(path: str, says: str) -> None:
+    """The first was taken, and the machine stayed as it was."""
+    with pytest.raises(linkdyn.InputError, match=says):
+        turning().with_({path: 0.2})
+
+
+def test_a_new_variable_that_is_used() -> None:
+    assert turning().with_({"variables.grown": "0.2 m", "variables.crank": "grown"}).inverse().linkdyn is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -179,6 +180,12 @@ def test_command(tmp_path):
     ):
         said = command("balance", *words, folder=tmp_path)
         assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1, said.stderr
+
+
+def test_it_tells_itself_in_a_line():
+    """All its arrays were written out."""
+    balance = linkdyn.new("four-bar").balance(["crank"])
+    assert re.fullmatch(r"<linkdyn\.Balance of 'Four-bar linkage': crank [\d.]+ kg m; peak of the force of inertia [\d.]+ N, with them [\d.]+ N>", repr(balance))
 
 
 def test_picture():

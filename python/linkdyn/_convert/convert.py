@@ -98,17 +98,18 @@ def convert(
     >>> linkdyn.convert(scene).write("robot.xml")
     """
     closing = as_known("closing", closing, CLOSING, "joint")  # type: ignore[assignment]
-    if isinstance(source, Scene) or os.fspath(source).endswith(".toml"):
+    path = "" if isinstance(source, Scene) else as_path("source", source)
+    if isinstance(source, Scene) or path.endswith(".toml"):
         from .mjcf_writer import as_mjcf
 
-        scene = source if isinstance(source, Scene) else Scene(Path(source))
+        scene = source if isinstance(source, Scene) else Scene(Path(path))
         text, left_out = as_mjcf(scene)
         return Conversion(text, tuple(left_out), None, tuple(scene._inputs()))
     from .robot import held
     from .robot_scene import as_builder
     from .xml_file import XmlFile
 
-    file = XmlFile(Path(as_path("source", source)))
+    file = XmlFile(Path(path))
     if file.root.tag == "robot":
         from .urdf import read_urdf
 

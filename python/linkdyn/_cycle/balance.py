@@ -40,7 +40,7 @@ CLOSED = 1e-6
 """How far the force at the end of a cycle may be from that at its beginning, as a part of the largest."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Balance:
     """Counterweights, and the force of inertia on the frame without and with them."""
 
@@ -62,6 +62,11 @@ class Balance:
     goal: str
     above_least: float
     """By which part the peak may be above the least one there is; 0 of what is found in closed form."""
+
+    def __repr__(self) -> str:
+        weights = ", ".join(f"{link} {size:.3g} kg m" for link, size in self.counterweights.moment.items())
+        peak = self.figures.loc["peak"]
+        return f"<linkdyn.Balance of {self.scene.title!r}: {weights}; peak of the force of inertia {peak.before:.4g} N, with them {peak.after:.4g} N>"
 
     @property
     def counterweights(self) -> pd.DataFrame:

@@ -169,7 +169,7 @@ class _Load:
 def _load_of(run: xr.Dataset, joint: str, scene: Scene, caller: str) -> _Load:
     kinds = {entry["name"]: entry for entry in scene.description["joints"]}
     turning = [name for name, entry in kinds.items() if entry["type"] in TURNING]
-    if joint in kinds and joint not in turning:
+    if isinstance(joint, str) and joint in kinds and joint not in turning:
         raise InputError(f"{caller}: joint {joint!r} is {kinds[joint]['type']} (expected one that turns about an axis: {', '.join(turning) or 'there is none'})")
     as_known(f"{caller}: joint", joint, turning, "joint")
     reaction = need_result(run, "reaction", caller)

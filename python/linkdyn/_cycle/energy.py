@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .._arguments import as_known, as_number, as_positive
+from .._arguments import as_known, as_number, as_positive, quoted
 from .._geometry.turns import turned_on
 from ..errors import InputError
 from ..results import need_result
@@ -139,6 +140,8 @@ def duty_cycle(phases: list[tuple[xr.Dataset | float, float]], quantity: str = "
         No run among the phases, runs of different actuators, a run without a sample that could be computed, a value that is no finite number,
         a time that is not above zero.
     """
+    if not isinstance(phases, Iterable):
+        raise InputError(f"duty_cycle: phases: expected a list of (run, seconds) and (value, seconds), got {quoted(phases)}")
     pairs = [_phase(i, phase) for i, phase in enumerate(phases)]
     runs = [phase for phase, _ in pairs if isinstance(phase, xr.Dataset)]
     if not runs:

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from .._arguments import as_floats
+from .._arguments import as_finite
 from .._geometry.frame_motion import frame_rates, gravity_at, with_frame
 from .._geometry.kinematics import LinkMotion, link_motion
 from ..errors import InputError
@@ -57,9 +57,7 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
     n_axes = 2 if scene.planar else 3
     point = np.zeros(3)
     if about is not None:
-        point[:n_axes] = as_floats("shaking: about", about, (n_axes,))
-        if not np.isfinite(point).all():
-            raise InputError("shaking: about: expected finite numbers")
+        point[:n_axes] = as_finite("shaking: about", about, (n_axes,))
     motion = with_frame(link_motion(scene, run), run, "shaking")
     parts = (inertia_wrench(motion, run, point), _weight(motion, run, point), _loads(motion, run, point))
     force, moment = (np.stack([part[i] for part in parts]) for i in (0, 1))

@@ -87,18 +87,18 @@ def motor(
     """
     if inductance is not None:
         as_positive("motor: inductance", inductance)
-    given = ratio, lead, inertia or None, None if efficiency == 1.0 else efficiency, back_efficiency, torque_constant
-    if (own := _drive_of(scene, actuator)) is not None:
-        if any(key is not None for key in given):
-            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=, inductance=)")
-        return _of_the_scene(run, actuator, own, resistance, inductance)
-    n = _turns_of(run, actuator, ratio, lead)
     inertia = as_number("motor: inertia", inertia)
     if inertia < 0:
         raise InputError(f"motor: inertia: expected a number from 0 on, got {inertia:g}")
     efficiency = as_positive("motor: efficiency", efficiency)
     if efficiency > 1:
         raise InputError(f"motor: efficiency: expected a number above 0, up to 1, got {efficiency:g}")
+    given = ratio, lead, inertia or None, None if efficiency == 1.0 else efficiency, back_efficiency, torque_constant
+    if (own := _drive_of(scene, actuator)) is not None:
+        if any(key is not None for key in given):
+            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=, inductance=)")
+        return _of_the_scene(run, actuator, own, resistance, inductance)
+    n = _turns_of(run, actuator, ratio, lead)
     if back_efficiency is None:
         back = efficiency if lead is None else 2 - 1 / efficiency
     else:
