@@ -14,8 +14,9 @@ from PIL import Image
 
 import linkdyn
 import linkdyn.plot as plot
-from linkdyn._drawing.lines import _apart
+from linkdyn._drawing.lines import _apart, spread_names
 from linkdyn._commands.new import kinds
+from linkdyn._sheets import pdf
 from linkdyn._sheets.sheet import sheet_page
 from sheet_file import column, number, read
 
@@ -283,3 +284,40 @@ def test_draw(tmp_path):
     ):
         said = command("draw", *words, folder=tmp_path)
         assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1, said.stderr
+
+
+def test_pages_are_filled(tmp_path):
+    """What is wide went to a page of its own as tall as it could be, and a third of the page before was blank; so did the texts below it."""
+    scene = linkdyn.load(EXAMPLES / "bricard" / "scene.toml")
+    data = linkdyn.sheet(scene.forward(t_end=2.0), tmp_path / "run.pdf", scene=scene).read_bytes()
+    assert re.search(rb"/Count (\d+)", data).group(1) == b"1"
+    data = linkdyn.sheet(linkdyn.new("hexapod").inverse(), tmp_path / "run.pdf").read_bytes()
+    assert re.search(rb"/Count (\d+)", data).group(1) == b"2"
+
+
+def test_names_keep_apart_in_lower_pictures():
+    run = linkdyn.new("hexapod").inverse()
+    figure, axes = plot.reactions(run)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, 0.62 * height)
+    for axis in figure.axes:
+        spread_names(axis)
+    figure.canvas.draw()
+    for axis in figure.axes:
+        boxes = sorted((text.get_window_extent() for text in axis.texts if text.get_text()), key=lambda box: box.y0)
+        assert all(below.y1 <= above.y0 + 1.0 for below, above in zip(boxes, boxes[1:]))
+
+
+def test_heads_of_columns_do_not_touch(tmp_path):
+    """Bold letters are wider: "Mz there" ran into "rms moment"."""
+    scene = linkdyn.load(EXAMPLES / "bricard" / "scene.toml")
+    page = sheet_page(scene.forward(t_end=1.0), scene=scene)
+    table = next(table for table in page.tables if table.title == "Bearings and guides")
+    writer = pdf._Writer()
+    pdf._table(writer, table, pdf.MARGIN, pdf.WIDTH - pdf.MARGIN)
+    figure = writer.at.figure
+    renderer = figure.canvas.get_renderer()
+    heads = [text.get_window_extent(renderer) for text in figure.texts if text.get_weight() == "bold" and text.get_text() in table.head]
+    assert len(heads) == len(table.head)
+    gaps = [after.x0 - before.x1 for before, after in zip(heads, heads[1:])]
+    assert min(gaps) > 2.0

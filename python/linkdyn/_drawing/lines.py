@@ -7,17 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from ..errors import InputError
 from .style import COLOURS, LINES, readable
 
-__all__ = ["MOST_LINES", "abscissa", "colour", "draw_lines", "line", "scale_axis"]
+__all__ = ["MOST_LINES", "abscissa", "colour", "draw_lines", "line", "scale_axis", "spread_names"]
 
 MOST_LINES = 8
 """More lines than these cannot be told apart in a panel."""
@@ -129,18 +131,30 @@ def draw_lines(
     _write_beside(axis, labels)
 
 
+_BESIDE: WeakKeyDictionary[Axes, list[tuple[Text, float]]] = WeakKeyDictionary()
+"""Names beside the lines of a panel, and where each would stand if it were alone."""
+
+
 def _write_beside(axis: Axes, labels: list[tuple[str, float, str]]) -> None:
-    """Names at the right edge, at the height where their lines end; moved apart where they would overlap."""
+    """Names at the right edge, at the height where their lines end."""
+    axis.set_ylim(*axis.get_ylim())
+    _BESIDE[axis] = [(axis.text(1.015, 0.0, text, transform=axis.transAxes, color=tint, fontsize="small", va="center", ha="left"), at)
+                     for text, at, tint in labels]
+    spread_names(axis)
+
+
+def spread_names(axis: Axes) -> None:
+    """Move apart what would overlap of the names beside a panel's lines; anew where its figure has become another height."""
+    names = _BESIDE.get(axis, [])
+    if not names:
+        return
     low, high = axis.get_ylim()
-    axis.set_ylim(low, high)
     rows = axis.get_gridspec().nrows if axis.get_subplotspec() else 1     # type: ignore[union-attr]
     height = axis.get_figure(root=True).get_size_inches()[1] * 72 / rows * 0.75     # type: ignore[union-attr]
-    step = LETTER_HEIGHT / height
-    order = sorted(range(len(labels)), key=lambda k: labels[k][1])
-    places = _apart(np.array([(labels[k][1] - low) / (high - low) for k in order]), step)
+    order = sorted(range(len(names)), key=lambda k: names[k][1])
+    places = _apart(np.array([(names[k][1] - low) / (high - low) for k in order]), LETTER_HEIGHT / height)
     for k, place in zip(order, places):
-        text, _, tint = labels[k]
-        axis.text(1.015, place, text, transform=axis.transAxes, color=tint, fontsize="small", va="center", ha="left")
+        names[k][0].set_y(float(place))
 
 
 def _apart(places: NDArray[np.float64], step: float) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from .._drawing.lines import spread_names
 from .._drawing.style import BAD, COLOURS
 from .sheet import Page, Picture, Table
 
@@ -34,10 +35,10 @@ GAP = 5
 """Letters between two tables."""
 IN_A_ROW = 3
 """Pictures."""
-LOWEST = 1.15
-"""A picture less tall than this [inch] cannot be read."""
-TALLEST, BESIDE = 2.6, 0.12
-"""A picture among others, and what is between two of them [inch]."""
+LOWEST, FLATTEST = 1.15, 0.62
+"""A picture less tall than this [inch], or a wide one less tall than this part of its own height, cannot be read."""
+TALLEST, BESIDE, UNDER = 3.2, 0.12, 0.28
+"""A picture among others, what is between two of them, and what its caption takes [inch]."""
 BELOW = 0.4
 """Kept for the notes [inch]."""
 
@@ -185,30 +186,66 @@ def _table(writer: _Writer, table: Table, left: float, right: float) -> None:
         writer.at.y += NOTE_LINE
 
 
+@dataclass
+class _Row:
+    """Pictures side by side."""
+
+    pictures: list[Picture]
+    images: list[np.ndarray]
+
+    @property
+    def ratios(self) -> list[float]:
+        return [image.shape[1] / image.shape[0] for image in self.images]
+
+    @property
+    def most(self) -> float:
+        """Height over the whole width; of pictures that are not wide, one that is large enough."""
+        over_all = (WIDTH - 2 * MARGIN - BESIDE * (len(self.images) - 1)) / sum(self.ratios)
+        return min(over_all, HEIGHT - 2 * MARGIN - BELOW - UNDER if self.pictures[0].wide else TALLEST)
+
+    @property
+    def least(self) -> float:
+        """Height below which it cannot be read; what is wide stays so, and is drawn anew."""
+        return FLATTEST * self.most if self.pictures[0].wide else min(LOWEST, self.most)
+
+
 def _pictures(writer: _Writer, pictures: list[Picture]) -> None:
-    """In rows, as pixels, as tall as the rest of the page allows; on a page of their own if that is little. What is wide has a row of its own."""
-    rows = _rows(pictures)
-    for k, row in enumerate(rows):
-        images = [_pixels(picture) for picture in row]
-        ratios = [image.shape[1] / image.shape[0] for image in images]
-        height = (WIDTH - 2 * MARGIN - BESIDE * (len(row) - 1)) / sum(ratios)
-        left = HEIGHT - MARGIN - BELOW - writer.at.y
-        if row[0].wide:
-            height = min(height, HEIGHT - 2 * MARGIN - BELOW)
-        else:
-            height = min(height, TALLEST)
-            share = left / (len(rows) - k) - 0.1
-            if share > LOWEST:
-                height = min(height, share)
-        writer.room(height + 0.1)
-        x = MARGIN
-        for image, ratio in zip(images, ratios):
-            frame = (x / WIDTH, 1 - (writer.at.y + 0.06 + height) / HEIGHT, ratio * height / WIDTH, height / HEIGHT)
-            axis = writer.at.figure.add_axes(frame)
-            axis.imshow(image, interpolation="antialiased")
-            axis.axis("off")
-            x += ratio * height + BESIDE
-        writer.at.y += height + 0.1
+    """In rows, as pixels: as many on a page as can be read there, and then as tall as the page allows. What is wide has a row of its own."""
+    rows = [_Row(row, [_pixels(picture) for picture in row]) for row in _rows(pictures)]
+    while rows:
+        room = HEIGHT - MARGIN - BELOW - writer.at.y
+        fit = int(np.sum(np.cumsum([row.least + UNDER for row in rows]) <= room))
+        if fit == 0 and writer.at.y > MARGIN:
+            writer.new_page()
+            continue
+        taken, rows = rows[: max(1, fit)], rows[max(1, fit) :]
+        for row, height in zip(taken, _heights(taken, room - UNDER * len(taken))):
+            _draw_row(writer, row, height)
+
+
+def _heights(rows: list[_Row], room: float) -> list[float]:
+    """Of rows that fill what room there is: none is less tall than can be read, none taller than it has to be."""
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        share = (low + high) / 2
+        low, high = (low, share) if sum(max(row.least, share * row.most) for row in rows) > room else (share, high)
+    return [max(row.least, high * row.most) for row in rows]
+
+
+def _draw_row(writer: _Writer, row: _Row, height: float) -> None:
+    if row.pictures[0].wide and height < row.most:
+        row = _Row(row.pictures, [_pixels(row.pictures[0], height / row.most)])
+        height = min(height, row.most)
+    x = (WIDTH - height * sum(row.ratios) - BESIDE * (len(row.images) - 1)) / 2
+    for picture, image, ratio in zip(row.pictures, row.images, row.ratios):
+        frame = (x / WIDTH, 1 - (writer.at.y + 0.06 + height) / HEIGHT, ratio * height / WIDTH, height / HEIGHT)
+        axis = writer.at.figure.add_axes(frame)
+        axis.imshow(image, interpolation="antialiased")
+        axis.axis("off")
+        for k, line in enumerate(textwrap.wrap(picture.caption, max(20, int(ratio * height / LETTER)))[:2]):
+            writer.put(x, writer.at.y + 0.08 + height + k * NOTE_LINE, line, colour="0.4", size=5.0)
+        x += ratio * height + BESIDE
+    writer.at.y += height + UNDER
 
 
 def _rows(pictures: list[Picture]) -> list[list[Picture]]:
@@ -220,8 +257,13 @@ def _rows(pictures: list[Picture]) -> list[list[Picture]]:
     return rows
 
 
-def _pixels(picture: Picture) -> np.ndarray:
-    stream = io.BytesIO()
+def _pixels(picture: Picture, lower: float = 1.0) -> np.ndarray:
+    """A picture, or one that is as wide and less tall, with letters of the same size."""
+    stream, (width, height) = io.BytesIO(), picture.figure.get_size_inches()
+    if lower < 1.0:
+        picture.figure.set_size_inches(width, lower * height)
+        for axis in picture.figure.axes:
+            spread_names(axis)
     picture.figure.savefig(stream, format="png", dpi=170, bbox_inches="tight")
     stream.seek(0)
     return pyplot.imread(stream)

@@ -28,6 +28,8 @@ from ..scene import Scene
 __all__ = ["NONE", "Cell", "Page", "Picture", "Table", "cell_of", "count_words", "limits_table", "machine_picture", "provenance", "sheet", "sheet_page", "sheet_path"]
 
 NONE = "–"
+BOLD = 1.15
+"""Width of a bold letter, that of another being 1."""
 MOST_DESIGNS = 80
 """Rows of a table of designs; of more, those of the Pareto front."""
 FORCES = ("driving_force", "driving_position", "driving_speed", "driving_power")
@@ -55,7 +57,7 @@ class Table:
     def letters(self, whole: float) -> NDArray[np.float64]:
         """Letters in a line of each column; the longest columns give way until all fit in ``whole``."""
         wanted = np.array([
-            max([*(len(line) for line in head.split("\n")), *(len(row[k].text) for row in self.rows)]) + 2.5
+            max([*(BOLD * len(line) for line in head.split("\n")), *((BOLD if row[k].alarm else 1.0) * len(row[k].text) for row in self.rows)]) + 2.5
             for k, head in enumerate(self.head)
         ])
         if wanted.sum() <= whole:
