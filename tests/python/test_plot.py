@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -380,6 +379,20 @@ def test_what_arrows_mean_stands_where_the_mechanism_comes_least(closed_figures)
 
     _, axes = pyplot.subplots()
     axes.set(xlim=(0, 10), ylim=(0, 10))
-    for points, corner in (([[5, 5]], "upper left"), ([[1, 9.5], [5, 5]], "upper right"), ([[1, 9.5], [9, 9.5]], "lower left")):
-        postures = SimpleNamespace(points=np.array([[[x, y, 0.0] for x, y in points]]))
-        assert animation._empty_corner(axes, postures, 2) == corner
+    size = np.array([0.4, 0.15])
+    for points, corner in (([[5, 5]], "upper left"), ([[1, 9.5], [5, 5]], "upper right"), ([[1, 9.5], [9, 9.5]], "lower left"),
+                           ([[1, 9.5], [9, 9.5], [1, 1], [9, 1]], None)):  # fmt: skip
+        assert animation._empty_corner(axes, np.array([points], dtype=float), size) == corner
+    assert animation._empty_corner(axes, np.array([[[5.0, 9.5]]]), np.array([0.95, 0.15])) == "lower left"
+
+
+def test_no_name_lies_on_an_axis(closed_figures) -> None:
+    """P1 and P2 of the linkage along the edges of its cube did."""
+    figure, axes = plot.mechanism(linkdyn.load(EXAMPLES / "bricard" / "scene.toml"))
+    figure.canvas.draw()
+    lines = [axes.transData.transform(axis.line.get_xydata()) for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    names = [Text.get_window_extent(artist) for artist in axes.texts if artist.get_text()]
+    assert len(names) == 12
+    for start, end in lines:
+        along = start + np.linspace(0.0, 1.0, 2000)[:, np.newaxis] * (end - start)
+        assert not any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for box in names for x, y in along)

@@ -42,6 +42,8 @@ Corner = Literal["upper left", "upper right", "lower left", "lower right"]
 LARGEST = (5.6, 5.2)
 """Of a picture [inch]."""
 DPI = 80
+NEAR, MOST_COVERED = 0.03, 0.2
+"""Air round what the arrows mean, in parts of the axes; part of the frames in which it may lie on the mechanism or its arrows, else it stands below."""
 COLOURS = 64
 """In the palette of a GIF: the shapes are plain, and it stays small."""
 ARROW = 0.2
@@ -152,6 +154,8 @@ def _draw_frames(
     scale = ARROW * extent / force if force > 0 else 0.0
     paths = _paths(postures, run.status.values == 0) if planar else []
     starts = [item.start(postures) for item in arrows]
+    tips = _tips(arrows, starts, shown, scale, ARROW * extent / torque if torque > 0 and not planar else 0.0)
+    drawn = np.concatenate([postures.points[shown], tips], axis=1)[..., :2]
     for sample in shown:
         ax.clear()
         set_limits(ax, postures)
@@ -166,9 +170,9 @@ def _draw_frames(
                 else:
                     length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
                     _draw_arrow(ax, start, length * value, colour, planar)
-        _write(ax, run, arrows, sample, force, torque, postures)
+        _write(ax, run, arrows, sample, force, torque, drawn)
         if sample == shown[0] and not planar:
-            ax.crop(_tips(arrows, starts, shown, scale, ARROW * extent / torque if torque > 0 else 0.0))
+            ax.crop(tips.reshape(-1, 3))
         canvas.draw()  # type: ignore[no-untyped-call]
         if sample == shown[0]:
             figure.set_layout_engine("none")  # frames of one size: what they say about it changes with the digits
@@ -176,10 +180,10 @@ def _draw_frames(
 
 
 def _tips(arrows: list[Forces], starts: list[Points], shown: NDArray[np.intp], scale: float, torque_scale: float) -> Points:
-    """(n, 3) where the arrows of all frames end."""
-    tips = [(start + (torque_scale if item.is_torque else scale) * item.force)[shown].reshape(-1, 3) for item, start in zip(arrows, starts)]
-    ends: Points = np.concatenate([np.zeros((0, 3)), *tips])
-    return ends[np.isfinite(ends).all(axis=1)]
+    """(frames, n, 3) where the arrows end; what has no arrow ends where it begins."""
+    tips = [start[shown] + np.nan_to_num((torque_scale if item.is_torque else scale) * item.force[shown]) for item, start in zip(arrows, starts)]
+    ends: Points = np.concatenate([np.zeros((len(shown), 0, 3)), *tips], axis=1)
+    return ends
 
 
 def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
@@ -213,8 +217,9 @@ def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
     ax.annotate("", xytext=arc[-1] - 0.1 * radius * tangent, xy=arc[-1] + 0.45 * radius * tangent, arrowprops=style, zorder=8)
 
 
-def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float, postures: Postures) -> None:
-    """Title, instant, and what the arrows mean."""
+def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float, drawn: Points) -> None:
+    """Title, instant, and what the arrows mean; in all frames in the same place."""
+    figure: Any = ax.get_figure(root=True)
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
     title = printable(run.attrs.get("title", ""))
     heading = f"{title}\n{moment}" if title else moment
@@ -227,20 +232,25 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
         handles = [Line2D([], [], color=colour, linewidth=2.0, label=label) for colour, label in labels]
         if isinstance(ax, SpatialAxes):
             ax.put_legend(handles, fontsize=6.5)
-        else:
-            ax.legend(handles=handles, loc=_empty_corner(ax, postures, len(labels)), framealpha=0.8, edgecolor="none", fontsize=6.5)
+        elif not figure.legends:
+            legend = ax.legend(handles=handles, loc="upper left", framealpha=0.8, edgecolor="none", fontsize=6.5)
+            figure.draw_without_rendering()     # how large the axes are is known only then
+            corner = _empty_corner(ax, drawn, np.array(legend.get_window_extent().transformed(ax.transAxes.inverted()).size))
+            legend.remove()
+            (ax if corner else figure).legend(handles=handles, loc=corner or "outside lower center", framealpha=0.8, edgecolor="none", fontsize=6.5)
     if isinstance(ax, SpatialAxes):
         ax.put_title(heading, fontsize="small")
     else:
         ax.set_title(heading, fontsize="small")
 
 
-def _empty_corner(ax: Axes, postures: Postures, n_line: int) -> Corner:
-    """Where the mechanism comes least, over all samples."""
-    points = ax.transLimits.transform(postures.points[..., :2].reshape(-1, 2))
+def _empty_corner(ax: Axes, drawn: Points, size: Points) -> Corner | None:
+    """Where mechanism and arrows, (frames, n, 2), come into a box of a size, in parts of the axes, in the fewest frames; None if they do so in many everywhere."""
+    points = ax.transLimits.transform(drawn.reshape(-1, 2)).reshape(drawn.shape)
     corners: dict[Corner, tuple[int, int]] = {"upper left": (0, 1), "upper right": (1, 1), "lower left": (0, 0), "lower right": (1, 0)}
-    taken = {name: (np.abs(points - corner) < (0.4, 0.05 + 0.05 * n_line)).all(axis=1).sum() for name, corner in corners.items()}
-    return min(taken, key=lambda name: int(taken[name]))
+    taken = {name: float(np.any(np.all(np.abs(points - corner) < size + NEAR, axis=2), axis=1).mean()) for name, corner in corners.items()}
+    best = min(taken, key=lambda name: taken[name])
+    return best if taken[best] <= MOST_COVERED else None
 
 
 def _round(value: float) -> str:

@@ -184,7 +184,7 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
     figure = ax.get_figure(root=True)
     figure.draw_without_rendering()     # where things are is known only then
     unit = FONT * figure.dpi / 72
-    seen = [np.asarray(line.get_xydata()) for line in ax.lines]
+    seen = [np.asarray(line.get_xydata()) for line in (*ax.lines, *(axis.line for axis in (ax.xaxis, ax.yaxis, ax.zaxis)))]
     seen += [path.vertices for faces in ax.collections for path in faces.get_paths()]
     low, high = ax.transAxes.transform(outline(ax))
     room = Room(np.concatenate([sampled(ax.transData.transform(line), 0.3 * unit) for line in seen]), low, high, unit)
