@@ -247,8 +247,8 @@ class RunAccessor:
         """
         try:
             return self._write(file, lambda table: table.to_parquet(engine="pyarrow"))
-        except ImportError:
-            raise UnavailableError("to_parquet needs pyarrow, which is not installed (pip install 'linkdyn[parquet]')") from None
+        except ImportError as error:
+            raise UnavailableError.of("to_parquet needs pyarrow", "pyarrow", "parquet", error) from None
 
     def _write(self, file: str | os.PathLike[str], content: Callable[[pd.DataFrame], str | bytes]) -> Path:
         from .results import inputs_of

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 __all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "MissingFileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
+
+LONGEST = 200
+"""Characters of another package's message that one quotes."""
 
 
 class LinkdynError(Exception):
@@ -28,7 +32,15 @@ class MissingFileError(FileError, FileNotFoundError):
 
 
 class UnavailableError(LinkdynError):
-    """Built without the library that this needs."""
+    """Built without the library that this needs, or without a package of Python's."""
+
+    @classmethod
+    def of(cls, need: str, module: str, extra: str, error: ImportError) -> UnavailableError:
+        """That a module is not installed; if it is, why it cannot be imported."""
+        if isinstance(error, ModuleNotFoundError) and error.name == module or find_spec(module) is None:
+            return cls(f"{need}, which is not installed (pip install 'linkdyn[{extra}]')")
+        reason = " ".join(str(error).split())
+        return cls(f"{need}, which is installed and cannot be imported: {reason[:LONGEST]}")
 
 
 class ClosedSceneError(LinkdynError):

@@ -1137,3 +1137,13 @@ def test_command(command, tmp_path):
 def test_command_refuses_in_one_line(words_given, told, command):
     code, said, refused = command(*words_given)
     assert (code, said, refused.count("\n")) == (2, "", 1) and refused.startswith("linkdyn: ") and told in refused, refused
+
+
+def test_what_is_there_and_broken_is_not_called_missing(tmp_path, monkeypatch):
+    """MuJoCo without its bindings was "not installed"."""
+    (tmp_path / "mujoco.py").write_text("raise ImportError('its core bindings are missing')\n")
+    (tmp_path / "robot.xml").write_text("<mujoco/>")
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(linkdyn.LinkdynError, match="is installed and cannot be imported: its core bindings are missing"):
+        linkdyn.convert(tmp_path / "robot.xml")

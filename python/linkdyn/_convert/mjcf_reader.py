@@ -27,8 +27,8 @@ def read_mjcf(path: Path) -> Robot:
     """
     try:
         import mujoco
-    except ImportError:
-        raise UnavailableError("convert: MJCF is read by MuJoCo, which is not installed (pip install 'linkdyn[mujoco]')") from None
+    except ImportError as error:
+        raise UnavailableError.of("convert: MJCF is read by MuJoCo", "mujoco", "mujoco", error) from None
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
