@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,6 +127,7 @@ def draw_assemblies(scene: Scene) -> Figure:
     from matplotlib import pyplot
 
     from ._drawing.mechanisms import draw, set_limits
+    from ._drawing.style import put_heading
     from ._geometry.postures import find_postures
     from .scene import Poses
 
@@ -148,7 +148,7 @@ def draw_assemblies(scene: Scene) -> Figure:
             getattr(ax, f"set_{axis}label")("")
             getattr(ax, f"set_{axis}ticklabels")([])
         ax.set_title(f"{one.number}", fontsize="medium", fontweight="bold" if one.number == 1 else "normal")
-    figure.suptitle(f"{printable(scene.title)}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
+    put_heading(figure, f"{scene.title}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
     return figure
 
 

@@ -18,9 +18,8 @@ from ._drawing.arguments import checked
 from ._drawing.forces import borne
 from ._drawing.lines import abscissa, colour, draw_lines, line, scale_axis
 from ._drawing.mechanisms import mechanism
-from ._drawing.style import BAD
+from ._drawing.style import BAD, as_written, put_heading
 from ._drawing.sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
-from ._printable import printable
 from .errors import InputError
 from .scene import Scene
 
@@ -157,7 +156,7 @@ def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = 
         scale_axis(lowest, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
         lowest.tick_params(labelbottom=True)
     if run.attrs.get("title"):
-        figure.suptitle(printable(run.attrs["title"]))
+        put_heading(figure, run.attrs["title"])
     return figure, axes
 
 
@@ -221,7 +220,7 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
             top = force[int(np.nanargmax(sizes))]
             axis.plot(*top, "D", color=BAD, markersize=5.0, zorder=5)
             axis.annotate("", top, (0.0, 0.0), arrowprops={"arrowstyle": "-", "color": BAD, "linewidth": 0.7, "linestyle": ":"})
-        axis.set_title(f"{name}: {largest * factor:.4g} {unit}{'' if len(known) == 2 else f' in {components}'}", fontsize="medium")
+        axis.set_title(f"{name}: {largest * factor:.4g} {unit}{'' if len(known) == 2 else f' in {components}'}", fontsize="medium", parse_math=False)
         axis.set_aspect("equal", adjustable="datalim")
     for axis in axes.flat[len(names) :]:
         axis.set_visible(False)
@@ -269,9 +268,9 @@ def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str 
     axis.set_rlabel_position(22.5)  # type: ignore[attr-defined]  # of polar axes
     axis.tick_params(axis="y", labelsize="small")
     axis.grid(True, color="0.88", linewidth=0.6)
-    axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title=f"joint force [{unit}]")
+    as_written(axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title=f"joint force [{unit}]"))
     if run.attrs.get("title"):
-        figure.suptitle(f"{printable(run.attrs['title'])}: forces over the angle of {crank}", fontsize="medium")
+        put_heading(figure, f"{run.attrs['title']}: forces over the angle of {crank}", fontsize="medium")
     return figure, axis
 
 
@@ -345,7 +344,7 @@ def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     axes[1].plot(x, balance - balance[0], **line(3))
     axes[0].set_ylabel("energy [J]")
     axes[1].set_ylabel("kinetic + potential\n- work, change [J]")
-    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+    as_written(axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small"))
     axes[1].set_xlabel(x_label)
     _finish(figure, axes, run)
     return figure, axes
@@ -439,4 +438,4 @@ def _finish(figure: Figure, axes: np.ndarray, run: xr.Dataset) -> None:
         axis.spines[["top", "right"]].set_visible(False)
         axis.margins(x=0.0)
     if run.attrs.get("title"):
-        figure.suptitle(printable(run.attrs["title"]))
+        put_heading(figure, run.attrs["title"])

@@ -396,3 +396,31 @@ def test_no_name_lies_on_an_axis(closed_figures) -> None:
     for start, end in lines:
         along = start + np.linspace(0.0, 1.0, 2000)[:, np.newaxis] * (end - start)
         assert not any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for box in names for x, y in along)
+
+
+TITLE = r"A linkage with a title of many words, whose prototype costs $5 \frac or $6 and whose words go on and on and on, whatever paper they are written on"
+
+
+@pytest.mark.parametrize("kind", ["four-bar", "hexapod"])
+def test_titles_are_as_written_and_within_the_picture(kind: str, tmp_path: Path, closed_figures) -> None:
+    """Long ones were cut off on both sides, and dollars taken for formulas: a wrong one ended in Python's own error."""
+    scene = linkdyn.new(kind).with_({"title": TITLE})
+    run = scene.inverse()
+    figures = [plot.mechanism(scene)[0], plot.driving_forces(run)[0], plot.reactions(run)[0]]
+    if kind == "four-bar":
+        figures += [plot.polar(run)[0], plot.assemblies(scene)[0], scene.balance(["crank"]).plot()]
+    for figure in figures:
+        figure.canvas.draw()
+        titles = [text for text in figure.findobj(Text) if "prototype" in text.get_text()]
+        assert titles
+        for title in titles:
+            box = title.get_window_extent()
+            assert not title.get_parse_math() and box.x0 >= -1.0 and box.x1 <= figure.bbox.x1 + 1.0
+    plot.animate(run, tmp_path / "run.gif", frames=1)
+    for name in ("run.pdf", "run.html"):
+        run.linkdyn.sheet(tmp_path / name)
+
+
+def test_rounding_is_no_force_in_a_picture(closed_figures) -> None:
+    figure = linkdyn.new("four-bar").balance().plot()
+    assert [text.get_text() for text in figure.axes[1].texts if "after" in text.get_text()] == ["after  peak 0 N"]

@@ -33,6 +33,7 @@ from .forces import Forces, find_forces, force_kinds
 from .mechanisms import draw, new_axes, set_limits
 from .planar_shapes import unit_of
 from .spatial_axes import SpatialAxes
+from .style import fitting
 
 __all__ = ["animate"]
 
@@ -221,7 +222,7 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
     """Title, instant, and what the arrows mean; in all frames in the same place."""
     figure: Any = ax.get_figure(root=True)
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
-    title = printable(run.attrs.get("title", ""))
+    title = run.attrs.get("title", "")
     heading = f"{title}\n{moment}" if title else moment
     forces = [item for item in arrows if not item.is_torque and force > 0]
     labels = [(COLOUR[item.kind], item.label) for item in forces]
@@ -239,9 +240,9 @@ def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: 
             legend.remove()
             (ax if corner else figure).legend(handles=handles, loc=corner or "outside lower center", framealpha=0.8, edgecolor="none", fontsize=6.5)
     if isinstance(ax, SpatialAxes):
-        ax.put_title(heading, fontsize="small")
+        ax.put_title(fitting(heading, figure), fontsize="small", parse_math=False)
     else:
-        ax.set_title(heading, fontsize="small")
+        ax.set_title(fitting(heading, figure), fontsize="small", parse_math=False)
 
 
 def _empty_corner(ax: Axes, drawn: Points, size: Points) -> Corner | None:

@@ -8,14 +8,17 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
-from .._printable import printable
 from .lines import draw_lines, scale_axis
-from .style import COLOURS, readable
+from .style import COLOURS, put_heading, readable
 
 if TYPE_CHECKING:
     from .._cycle.balance import Balance
 
 __all__ = ["balance_plot"]
+
+
+ROUNDING = 1e-12
+"""A force below this part of the largest is none."""
 
 
 def balance_plot(found: Balance) -> Figure:
@@ -25,6 +28,7 @@ def balance_plot(found: Balance) -> Figure:
     plane = max(planes, key=lambda pair: float((found.before[:, pair] ** 2).sum()))
     sizes = {"before": np.linalg.norm(found.before, axis=1), "after": np.linalg.norm(found.after, axis=1)}
     largest = float(max(size.max() for size in sizes.values()))
+    sizes = {name: np.where(size > ROUNDING * largest, size, 0.0) for name, size in sizes.items()}
     factor, unit = readable("N", largest)
     left.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     left.axvline(0.0, color="0.75", linewidth=0.8, zorder=0)
@@ -41,5 +45,5 @@ def balance_plot(found: Balance) -> Figure:
     draw_lines(right, found.time, sizes, factor, unit, from_zero=True)
     words = ", ".join(f"{name} {row.moment:.4g} kg·m" + (f" at {np.degrees(row.angle):.4g}°" if found.scene.planar else "")
                       for name, row in found.counterweights.iterrows())
-    figure.suptitle(f"{printable(found.scene.title)}\ncounterweights: {words}".strip(), fontsize="medium")
+    put_heading(figure, f"{found.scene.title}\ncounterweights: {words}".strip(), fontsize="medium")
     return figure

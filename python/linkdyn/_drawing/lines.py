@@ -138,7 +138,7 @@ _BESIDE: WeakKeyDictionary[Axes, list[tuple[Text, float]]] = WeakKeyDictionary()
 def _write_beside(axis: Axes, labels: list[tuple[str, float, str]]) -> None:
     """Names at the right edge, at the height where their lines end."""
     axis.set_ylim(*axis.get_ylim())
-    _BESIDE[axis] = [(axis.text(1.015, 0.0, text, transform=axis.transAxes, color=tint, fontsize="small", va="center", ha="left"), at)
+    _BESIDE[axis] = [(axis.text(1.015, 0.0, text, transform=axis.transAxes, color=tint, fontsize="small", va="center", ha="left", parse_math=False), at)
                      for text, at, tint in labels]
     spread_names(axis)
 

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike, NDArray
 
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures
-from .._printable import printable
 from ..errors import InputError
 from ..scene import Scene
 from .arguments import checked
@@ -20,6 +19,7 @@ from .lines import scale_axis
 from .planar_shapes import draw_planar
 from .spatial_axes import SpatialAxes, add_spatial_axes, set_apart
 from .spatial_shapes import draw_spatial
+from .style import fitting
 
 __all__ = ["draw", "mechanism", "new_axes", "set_limits"]
 
@@ -66,10 +66,10 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
         ax = new_axes(pyplot.figure(layout="constrained" if scene.planar else "none"), postures)
     set_limits(ax, postures)
     if scene.title and not isinstance(ax, SpatialAxes):     # before names are put into the room that it leaves
-        ax.set_title(printable(scene.title), fontsize="medium")
+        ax.set_title(fitting(scene.title, ax.get_figure(root=True)), fontsize="medium", parse_math=False)
     draw(ax, postures, 0, names)
     if isinstance(ax, SpatialAxes):
-        ax.put_title(printable(scene.title), fontsize="medium")
+        ax.put_title(fitting(scene.title, ax.get_figure(root=True)), fontsize="medium", parse_math=False)
         ax.crop()
     return ax.figure, ax
 

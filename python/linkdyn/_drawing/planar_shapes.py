@@ -345,7 +345,7 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
         if centre is None:
             n_left += 1
             continue
-        ax.text(centre[0], centre[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, **name_style(colour, is_link))
+        ax.text(centre[0], centre[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, parse_math=False, **name_style(colour, is_link))
     tell_left_out(ax, n_left)
 
 

@@ -192,7 +192,7 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
         _take(room, artist)
     n_left = 0
     for text, point, colour, is_link in _labels(posture):
-        name = _Name(text, point, fontsize=FONT, zorder=20, path_effects=[HALO], **name_style(colour, is_link))
+        name = _Name(text, point, fontsize=FONT, zorder=20, path_effects=[HALO], parse_math=False, **name_style(colour, is_link))
         ax.add_artist(name)
         half = 0.5 * np.array(Text.get_window_extent(name).size) + 0.1 * unit
         anchor = ax.transData.transform(proj3d.proj_transform(*point, ax.get_proj())[:2])

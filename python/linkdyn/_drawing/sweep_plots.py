@@ -17,9 +17,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from .._cycle.averages import rms, shares
-from .._printable import printable
 from .arguments import checked
-from .style import BAD, COLOURS, DIVERGING, SEQUENTIAL, readable
+from .style import BAD, COLOURS, DIVERGING, SEQUENTIAL, put_heading, readable
 from .sweep_data import (
     LEAST,
     Cells,
@@ -126,7 +125,7 @@ def workspace(
         figure, panels = _slices(run, cells, shown)
     hidden = [n for n in axis_names(run) if n not in names and n not in (where or {})]
     swept = [n for n, size in zip(axis_names(run), run.axis_size.values) if size > 1 and n in hidden]
-    figure.suptitle(_heading(run, shown.title, _over(swept) if quantity not in ("feasible", "outcome") else ""))
+    put_heading(figure, _heading(run, shown.title, _over(swept) if quantity not in ("feasible", "outcome") else ""))
     return figure, panels
 
 
@@ -341,13 +340,13 @@ def force_map(
             cells.edges[0] * factors[0][0], cells.edges[1] * factors[1][0], values.T * factor,
             cmap=pyplot.get_cmap(DIVERGING).reversed(), norm=norm, rasterized=True,
         )
-        axis.set_title(name, fontsize="medium")
+        axis.set_title(name, fontsize="medium", parse_math=False)
         if cells.units[0] == cells.units[1]:
             axis.set_aspect("equal")
         if np.isfinite(values).any():
             i, j = np.unravel_index(np.nanargmax(np.abs(values)), values.shape)
             axis.plot(cells.centres[0][i] * factors[0][0], cells.centres[1][j] * factors[1][0], "k+", markersize=9)
-            axis.set_title(f"{name}  {values[i, j] * factor:+.4g} {unit}", fontsize="medium")
+            axis.set_title(f"{name}  {values[i, j] * factor:+.4g} {unit}", fontsize="medium", parse_math=False)
     for axis in grid.flat[len(actuators) :]:
         axis.set_visible(False)
     for axis in grid[-1]:
@@ -356,7 +355,7 @@ def force_map(
         axis.set_ylabel(_axis_label(names[1], factors[1][1]))
     figure.colorbar(drawn, ax=grid, label=f"strongest driving force, push positive [{unit}]", shrink=0.9, pad=0.02)
     swept = [n for n, size in zip(axis_names(run), run.axis_size.values) if size > 1 and n not in (*names, *(where or {}))]
-    figure.suptitle(_heading(run, "strongest force of each actuator (+: where)", _over(swept)))
+    put_heading(figure, _heading(run, "strongest force of each actuator (+: where)", _over(swept)))
     return figure, grid.flat[: len(actuators)]
 
 
@@ -458,7 +457,7 @@ def sizing(
     for axis in grid[:, 0]:
         axis.set_ylabel(f"{'torque' if units[1] == 'N m' else 'force'} [{force_unit}]")
     _sizing_legend(figure, curves, _has_samples(run))
-    figure.suptitle(_heading(run, "", "force and speed of each actuator"))
+    put_heading(figure, _heading(run, "", "force and speed of each actuator"))
     return figure, grid.flat[: len(names)]
 
 
@@ -646,7 +645,7 @@ def histograms(
         axis.set_xlabel(f"{TITLES.get(quantity, quantity)} [{unit}]" if unit else TITLES.get(quantity, quantity))
     for axis in grid[:, 0]:
         axis.set_ylabel("share of the samples [%]")
-    figure.suptitle(_heading(run, "", f"how often which {TITLES.get(quantity, quantity)}; vertical lines: extremes"))
+    put_heading(figure, _heading(run, "", f"how often which {TITLES.get(quantity, quantity)}; vertical lines: extremes"))
     return figure, grid.flat[: len(chosen)]
 
 
@@ -724,7 +723,7 @@ def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_
     axis.spines[["top", "right"]].set_visible(False)
     axis.legend(title=_axis_label(names[1], "") if values.shape[1] > 1 else None, fontsize="small", frameon=False, loc="best")
     axis.margins(0.08)
-    figure.suptitle(_heading(run, "", f"{run.sizes['design']} designs"))
+    put_heading(figure, _heading(run, "", f"{run.sizes['design']} designs"))
     return figure, axis
 
 
@@ -776,7 +775,7 @@ def _design_unit(run: xr.Dataset, k: int) -> tuple[float, str]:
 
 
 def _heading(run: xr.Dataset, what: str, of: str) -> str:
-    title = printable(str(run.attrs.get("title", "")))
+    title = str(run.attrs.get("title", ""))
     second = " ".join(part for part in (what, of) if part)
     return "\n".join(part for part in (title, second) if part)
 

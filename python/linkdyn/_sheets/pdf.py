@@ -31,6 +31,8 @@ NOTE_LINE = 0.085
 LETTER = 0.0435
 """Mean width of a letter [inch]."""
 LETTERS = (WIDTH - 2 * MARGIN) / LETTER
+TITLE_LETTERS = 66
+"""In a line of the title."""
 GAP = 5
 """Letters between two tables."""
 IN_A_ROW = 3
@@ -46,8 +48,9 @@ BELOW = 0.4
 def pdf(page: Page) -> bytes:
     """The whole file."""
     writer = _Writer()
-    writer.text(page.title, size=12.5, weight="bold", step=0.2)
-    for line in page.lines:
+    for line in textwrap.wrap(page.title, TITLE_LETTERS):
+        writer.text(line, size=12.5, weight="bold", step=0.2)
+    for line in (part for line in page.lines for part in textwrap.wrap(line, 140)):
         writer.text(line, colour="0.3", size=6.6, step=0.125)
     for tables in _blocks(page.tables):
         _block(writer, tables)
