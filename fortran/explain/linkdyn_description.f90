@@ -456,7 +456,7 @@ contains
         character(len=*), intent(in) :: key, value
         character(len=:), allocatable :: text
 
-        text = '"'//key//'":'//value
+        text = string(key)//":"//value
     end function pair
 
     !> A JSON string: quotes, backslashes and control characters escaped, blanks at the end dropped.

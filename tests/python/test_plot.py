@@ -424,3 +424,20 @@ def test_titles_are_as_written_and_within_the_picture(kind: str, tmp_path: Path,
 def test_rounding_is_no_force_in_a_picture(closed_figures) -> None:
     figure = linkdyn.new("four-bar").balance().plot()
     assert [text.get_text() for text in figure.axes[1].texts if "after" in text.get_text()] == ["after  peak 0 N"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["A$\\frac$", 'A"x'])
+def test_names_are_as_written(name: str, tmp_path: Path) -> None:
+    """Dollars were taken for formulas; results of maps along what has a backslash or a quotation mark in its name could not be read."""
+    parts = {"joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "rod.A"]}], "coordinate": [{"joint": "A"}], "actuator": [{"joint": "A"}]}
+    parts["joint"][0]["name"] = parts["coordinate"][0]["joint"] = parts["actuator"][0]["joint"] = name
+    rod = {"name": "rod", "mass": 2.0, "cog": [0.3, 0.0], "inertia": 0.06, "markers": {"A": [0.0, 0.0], "B": [0.6, 0.0]}}
+    motion = {"law": "constant-rate", "rate": 1.0}
+    parts["coordinate"][0]["motion"] = motion
+    scene = linkdyn.Scene({"space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"A": [0, 0]}}, "link": [rod], **parts})
+    scene.inverse().linkdyn.sheet(tmp_path / "run.html")
+    table = {"axis": [{"coordinate": name, "linspace": [0.0, 6.0, 7]}], "map": [name]}
+    run = scene.sweep(table, keep=["driving_force", "driving_speed"])
+    assert run.sizes[name] == 7
+    run.linkdyn.sheet(tmp_path / "sweep.html")

@@ -60,7 +60,7 @@ def scale_axis(axis: Axes, side: str, name: str, unit: str, largest: float, tick
     one = getattr(axis, f"{side}axis")
     one.set_major_locator(_Locator(factor, ticks))
     one.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value * factor, np.abs(one.get_view_interval()).max() * factor)))
-    one.set_label_text(f"{name} [{word}]" if word else name)
+    one.set_label_text(f"{name} [{word}]" if word else name, parse_math=False)
     return factor, word
 
 

@@ -215,13 +215,13 @@ def _slices(run: xr.Dataset, cells: Cells, shown: _Shown) -> tuple[Figure, np.nd
             axis.set_aspect("equal")
         if three:
             value = cells.centres[2][k] * factors[2][0]
-            axis.set_title(f"{_plain(cells.names[2])} = {value:.4g} {factors[2][1]}", fontsize="medium")
+            axis.set_title(f"{_plain(cells.names[2])} = {value:.4g} {factors[2][1]}", fontsize="medium", parse_math=False)
     for axis in grid.flat[len(chosen) :]:
         axis.set_visible(False)
     for axis in grid[-1]:
-        axis.set_xlabel(_axis_label(cells.names[0], factors[0][1]))
+        axis.set_xlabel(_axis_label(cells.names[0], factors[0][1]), parse_math=False)
     for axis in grid[:, 0]:
-        axis.set_ylabel(_axis_label(cells.names[1], factors[1][1]))
+        axis.set_ylabel(_axis_label(cells.names[1], factors[1][1]), parse_math=False)
     panels = grid.flat[: len(chosen)]
     if shown.reasons:
         handles = [Patch(color=shown.map(k), label=text) for k, text in enumerate(shown.reasons)]
@@ -350,9 +350,9 @@ def force_map(
     for axis in grid.flat[len(actuators) :]:
         axis.set_visible(False)
     for axis in grid[-1]:
-        axis.set_xlabel(_axis_label(names[0], factors[0][1]))
+        axis.set_xlabel(_axis_label(names[0], factors[0][1]), parse_math=False)
     for axis in grid[:, 0]:
-        axis.set_ylabel(_axis_label(names[1], factors[1][1]))
+        axis.set_ylabel(_axis_label(names[1], factors[1][1]), parse_math=False)
     figure.colorbar(drawn, ax=grid, label=f"strongest driving force, push positive [{unit}]", shrink=0.9, pad=0.02)
     swept = [n for n, size in zip(axis_names(run), run.axis_size.values) if size > 1 and n not in (*names, *(where or {}))]
     put_heading(figure, _heading(run, "strongest force of each actuator (+: where)", _over(swept)))
@@ -445,9 +445,10 @@ def sizing(
             beyond = int((used > 1.0).sum())
             if beyond:
                 title += f", {beyond} samples beyond" if _has_samples(run) else ", beyond"
-        axis.set_title(title, fontsize="medium", color=BAD if used is not None and np.nanmax(used, initial=0.0) > 1 else "black")
-        axis.set_xlim(-room[0] * by_speed, room[0] * by_speed)
-        axis.set_ylim(-room[1] * by_force, room[1] * by_force)
+        axis.set_title(title, fontsize="medium", parse_math=False, color=BAD if used is not None and np.nanmax(used, initial=0.0) > 1 else "black")
+        widest, highest = (room[0] * by_speed or 1.0), (room[1] * by_force or 1.0)     # at rest, or without force: about zero
+        axis.set_xlim(-widest, widest)
+        axis.set_ylim(-highest, highest)
         axis.grid(True, color="0.93", linewidth=0.6)
         axis.spines[["top", "right"]].set_visible(False)
     for axis in grid.flat[len(names) :]:
@@ -636,7 +637,7 @@ def histograms(
         title = name
         if f"{quantity}_rms" in data:
             title += f"  rms {float(data[f'{quantity}_rms'].values.reshape(-1)[k]) * factor:.4g} {unit}"
-        axis.set_title(title, fontsize="medium")
+        axis.set_title(title, fontsize="medium", parse_math=False)
         axis.spines[["top", "right"]].set_visible(False)
         axis.set_ylim(bottom=0.0)
     for axis in grid.flat[len(chosen) :]:

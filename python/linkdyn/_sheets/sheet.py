@@ -595,7 +595,7 @@ def _bars(data: xr.Dataset) -> Any:
         if "driving_force_rms" in data:
             axis.plot(data.driving_force_rms.values[chosen] * factor, place, "D", color="black", markersize=4, markeredgecolor="white", label="rms")
         axis.axvline(0.0, color="0.3", linewidth=0.8)
-        axis.set_yticks(place, [str(data.actuator.values[k]) for k in chosen])
+        axis.set_yticks(place, [str(data.actuator.values[k]) for k in chosen], parse_math=False)
         axis.invert_yaxis()
         axis.set_xlabel(f"driving {'torque' if kind == 'N m' else 'force'} [{word}]")
         axis.grid(True, axis="x", color="0.92", linewidth=0.6)
