@@ -32,7 +32,7 @@ module linkdyn_builder
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: mat3_lane
-    use linkdyn_weld_starts, only: spread_weld_starts
+    use linkdyn_spread_starts, only: spread_starts
     implicit none (type, external)
     private
     public :: build_model
@@ -223,7 +223,7 @@ contains
         call take_motors(model)
         call take_arms(model, status)
         call list_contacts(model%scene, model%contact)
-        call spread_weld_starts(model)
+        call spread_starts(model)
         call number_courses(model%scene)
         call list_joints_of_links(model)
         call settle_spins(model, status)

@@ -208,3 +208,23 @@ def test_in_sweeps_and_ensembles() -> None:
                                                                {"parameter": "link.crank.markers.pin[0]", "values": list(lengths)}]})
     largest = max(float(scene.with_({"link.crank.markers.pin[0]": length}).inverse(q=q, qd=0 * q + 5, qdd=0 * q).driving_force.max()) for length in lengths)
     assert float(swept.driving_force_max.max()) == pytest.approx(largest, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", [0, 13, 34, 40, 53, 55])
+def test_start_of_the_block(case: int) -> None:
+    """Where `start` says where all links are, they are there: the block, to which nobody can give one, begins on its slot at its pin."""
+    rng = np.random.default_rng(case)
+    pivot, pin, hinge, _ = (rng.uniform(-0.3, 0.3, (4, 3)).round(2) + [3.0, 0.0, 0.0]).tolist()
+    axis, line, first, other = rng.uniform(-1, 1, (4, 3)).round(1).tolist()
+    crank = {"A": {"at": pivot, "axis": axis}, "pin": pin}
+    arm = {"S": {"at": pin, "axis": line}, "B": {"at": hinge, "axis": np.cross(first, other).tolist()}}
+    here = {"mass": 1.0, "inertia": {"diagonal": [0.01, 0.01, 0.01]}, "start": {"position": [0, 0, 0]}}
+    scene = linkdyn.Scene({
+        "space": "spatial", "frame": {"markers": {"A": crank["A"], "B": {"at": hinge, "axis": first}}},
+        "link": [here | {"name": "crank", "markers": crank}, here | {"name": "arm", "markers": arm}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]}, {"name": "B", "type": "universal", "between": ["frame.B", "arm.B"]},
+                  {"name": "S", "type": "slot", "between": ["arm.S", "crank.pin"]}],
+        "coordinate": [{"joint": "A"}],
+    })  # fmt: skip
+    place = scene.poses(np.zeros((1, 1)))
+    assert np.abs(place.position[0, :2]).max() < 1e-12 and np.abs(place.rotation[0, :2] - np.eye(3)).max() < 1e-12
