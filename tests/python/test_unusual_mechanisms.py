@@ -233,6 +233,13 @@ MECHANISMS: dict[str, dict[str, Any]] = {
     "rsur_by_a_slide": drawn("spatial", [("A", P, "frame", "c", (0, 0, 0), (1, 0.2, 0.1)), ("S", S, "c", "k", (0.05, 0.15, 0.1)), ("U", U, "k", "r", (0.4, 0.3, 0.2), (Z, (1, 0.3, 0))), ("D", R, "r", "frame", (0.6, 0.1, 0), (0, 0.3, 1))], [("A", 0.05)]),
     "six_bar_in_space": drawn("spatial", [("A", R, "frame", "c", (0, 0, 0), Z), ("B", U, "c", "k", (0.2, 0.1, 0), (Z, (1, 0.2, 0))), ("C", S, "k", "p", (0.4, 0.3, 0.2)), ("D", R, "p", "frame", (0.5, 0.2, 0.1), (0.3, 0.1, 1)),
         ("E", U, "p", "q", (0.45, 0.4, 0.1), ((1, 0, 0.2), Y)), ("F", S, "q", "w", (0.6, 0.5, 0.2)), ("H", R, "w", "frame", (0.8, 0.3, 0), (0, 0.2, 1))], [("H", 0.03)]),
+    "cardan_shaft_that_steers": drawn("spatial", [("A", R, "frame", "in", (0, 0, 0), X), ("U1", U, "in", "mid", (0.1, 0, 0), (Z, Y)), ("K", R, "frame", "arm", (0.2, 0, 0), Z), ("C", C, "arm", "out", (0.4, 0, 0), X),
+        ("U2", U, "mid", "out", (0.3, 0, 0), (Y, Z))], [("A", 1.5), ("K", 0.4)]),
+    "swash_plate_pump": drawn("spatial", [("A", R, "frame", "drum", (0, 0, 0), X), *three_legs(STARS, lambda k, c, s: [(f"T{k}", PLANE, "frame", f"shoe{k}", (-0.03 * c, 0.1 * c, 0.1 * s), (1, 0.3, 0)),
+        (f"U{k}", U, f"shoe{k}", f"piston{k}", (-0.03 * c, 0.1 * c, 0.1 * s), ((0.3, -1, 0), Z)), (f"P{k}", P, "drum", f"piston{k}", (0.15, 0.1 * c, 0.1 * s), X)])], [("A", 1.5)]),
+    "wobble_plate_with_three_pistons": drawn("spatial", [("A", R, "frame", "shaft", (0, 0, 0), X), ("W", R, "shaft", "plate", (0, 0, 0), (1, 0.3, 0)), ("H", P, "frame", "guide", (0, 0, -0.12), X), ("V", P, "guide", "shoe", (0, 0, -0.12), Z),
+        ("G", S, "plate", "shoe", (0, 0, -0.12)), *three_legs(STARS, lambda k, c, s: [(f"S{k}", S, "plate", f"rod{k}", (-0.03 * c, 0.1 * c, 0.1 * s)), (f"U{k}", U, f"rod{k}", f"piston{k}", (0.25, 0.1 * c, 0.1 * s), (Y, Z)),
+        (f"P{k}", P, "frame", f"piston{k}", (0.25, 0.1 * c, 0.1 * s), X)])], [("A", 1.5)]),
     "ball_in_a_groove": drawn("spatial", [("A", R, "frame", "c", (0, 0, 0), Z), ("S", "slot", "arm", "c", (0.2, 0.1, 0.05), (0.3, 1, 0.2)), ("B", U, "frame", "arm", (0.3, -0.4, 0), (X, (0, 0.1, 1)))], [("A", 0.3)]),
 }  # fmt: skip
 
