@@ -130,6 +130,7 @@ contains
         root%variables => variables
         call read_variables(root, variables, status)
         call list_variables(variables, scene)
+        call variables%forget()                        ! what refers to them is known from here on
         call read_tables(root, folder, scene, status)
         if (wants_sweep) call read_sweep(root, scene, of_axes, status)
         if (present(added)) call move_alloc(of_axes, added)

@@ -324,6 +324,10 @@ contains
         character(len=:), allocatable :: table
 
         table = path(:scan(path//".", ".[") - 1)
+        if (status%is_ok() .and. table == "variables") then
+            if (.not. place%variables%was_used(path(len(table) + 2:))) call refuse(place, "parameter "//quoted(path)// &
+                " changes nothing: no number of the scene refers to that variable (expected one that is used)", status)
+        end if
         if (.not. (any(forward_alone == table) .or. (table == "actuator" .and. index(path, law_of_drive) > 0))) return
         if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" is heard in forward runs alone, and a sweep is of "// &
             "inverse dynamics (expected what the mechanism is, or how it moves; Scene.with_ and Scene.forward instead)", status)

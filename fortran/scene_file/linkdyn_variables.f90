@@ -19,6 +19,7 @@ module linkdyn_variables
         logical :: is_number = .false.                  !! there is no text, `found` is given
         type(measured_value) :: found
         integer :: state = unknown
+        logical :: was_used = .false.                   !! before the values were forgotten last
     end type variable_entry
 
     !> A name for what the mechanism does, or for a law: formulas know it, numbers do not.
@@ -42,6 +43,7 @@ module linkdyn_variables
         procedure :: list => list_variable_names
         procedure :: forget => forget_values
         procedure :: is_used
+        procedure :: was_used
         procedure :: set_entries
         procedure :: add_symbol
         procedure :: drop_symbols
@@ -174,15 +176,27 @@ contains
         end do
     end subroutine list_variable_names
 
-    !> Values will be found anew; those that are found are told by `is_used`.
+    !> Values will be found anew; those that are found are told by `is_used`, those that were by `was_used`.
     subroutine forget_values(self)
         class(variable_table), intent(inout) :: self
         integer :: i
 
         do i = 1, size(self%entry)
+            self%entry(i)%was_used = self%entry(i)%state == known
             self%entry(i)%state = unknown
         end do
     end subroutine forget_values
+
+    !> True if anything asked for this variable before the values were forgotten last.
+    logical function was_used(self, name)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        i = index_of(self, name)
+        was_used = .false.
+        if (i > 0) was_used = self%entry(i)%was_used
+    end function was_used
 
     !> True if anything asked for this variable, by itself or through others, since the values were forgotten.
     logical function is_used(self, name)
