@@ -195,7 +195,8 @@ contains
         end select
     end function lost_in_words
 
-    !> "links 'coupler', 'rocker' cannot be closed beyond J1 = 67.1 deg; they close from J1 = -67.1 deg to 67.1 deg" of a way that ends.
+    !> "links 'coupler', 'rocker' cannot be closed beyond J1 = 67.1 deg; they close from J1 = -67.1 deg to 67.1 deg" of a way that
+    !> ends.
     function end_in_words(model, lost) result(text)
         type(model_type), intent(in) :: model
         type(lost_way), intent(in) :: lost

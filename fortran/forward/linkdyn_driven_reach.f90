@@ -19,8 +19,8 @@ module linkdyn_driven_reach
 
 contains
 
-    !> "the motion of 'J1' leads out of reach: links 'coupler', 'rocker' cannot be closed beyond J1 = 67.1 deg"; blank if it does not
-    !> a little ahead of where the run has come to, while coordinates that are free stay.
+    !> "the motion of 'J1' leads out of reach: links 'coupler', 'rocker' cannot be closed beyond J1 = 67.1 deg"; blank if it does
+    !> not a little ahead of where the run has come to, while coordinates that are free stay.
     function driven_out_in_words(run) result(text)
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: text

@@ -78,8 +78,8 @@ contains
         call free_toml(document)
     end subroutine parse_scene
 
-    !> Values of an axis may have a unit where the number in the file has none. Which unit it may be the key knows: the scene is read
-    !> once more, with that unit behind the number. The document is not to be read again.
+    !> Values of an axis may have a unit where the number in the file has none. Which unit it may be the key knows: the scene is
+    !> read once more, with that unit behind the number. The document is not to be read again.
     subroutine check_units_of_axes(document, source, folder, scene, added, status)
         type(toml_document), intent(in) :: document
         type(source_spec), intent(in) :: source(:)
@@ -239,7 +239,8 @@ contains
         call get_word(root, "redundancy", share_name, scene%redundancy, status, found)
     end subroutine read_head
 
-    !> Coordinates without a start begin on their motion, and so do driven ones: a velocity of another start would be heard by nobody.
+    !> Coordinates without a start begin on their motion, and so do driven ones: a velocity of another start would be heard by
+    !> nobody.
     subroutine start_on_motion(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
