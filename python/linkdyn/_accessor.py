@@ -212,6 +212,9 @@ class RunAccessor:
         """
         import pandas as pd
 
+        from .results import need_samples
+
+        need_samples(self._run, "to_frame")
         columns: dict[str, Any] = {}
         for name, values in self._run.data_vars.items():
             if values.dims[:1] != ("sample",):
@@ -258,17 +261,17 @@ class RunAccessor:
         return path
 
     def __repr__(self) -> str:
-        return f"<run.linkdyn: {count(range(self._run.sizes.get('sample', 0)), 'sample')}; {', '.join(OFFERS)}>"
+        return f"<run.linkdyn: {count(range(self._run.sizes.get('sample', 1)), 'sample')}; {', '.join(OFFERS)}>"
 
     def _repr_html_(self) -> str:
         run = self._run
         rows = {
             "title": run.attrs.get("title", ""),
-            "samples": f"{run.sizes.get('sample', 0)}{self._span()}",
+            "samples": f"{run.sizes.get('sample', 1)}{self._span()}",
             "failed": int((run.status.values != 0).sum()) if "status" in run else 0,
             "results": ", ".join(map(str, run.data_vars)),
         }
-        if "driving_force" in run and run.sizes.get("actuator"):
+        if "driving_force" in run and run.sizes.get("actuator") and run.sizes.get("sample"):
             peaks = self.worst("driving_force")
             top = peaks.value.abs().idxmax() if peaks.value.notna().any() else None
             if top is not None:
@@ -294,12 +297,15 @@ class RunAccessor:
         return self._run.time.values if self._clock == "time" else np.arange(self._run.sizes["sample"])
 
     def _span(self) -> str:
-        if self._clock == "sample" or not self._run.sizes["sample"]:
+        if self._clock == "sample" or not self._run.time.size:
             return ""
-        instants = self._instants()
+        instants = np.atleast_1d(self._instants())
         return f", {instants[0]:g} s to {instants[-1]:g} s"
 
     def _result(self, quantity: str) -> xr.DataArray:
+        from .results import need_samples
+
+        need_samples(self._run, "worst")
         known = [str(name) for name, values in self._run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f"]
         if quantity not in known:
             raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known) or 'none'})")

@@ -84,6 +84,20 @@ def inputs_of(run: xr.Dataset, scene: Scene | None = None) -> list[tuple[str, st
     return found if scene is None else found + scene._inputs()
 
 
+def need_samples(run: xr.Dataset, caller: str) -> None:
+    """That a run has samples, and their dimension.
+
+    Raises
+    ------
+    InputError
+        It has none, or is a single one.
+    """
+    if "status" in run and run.status.ndim == 0:
+        raise InputError(f"{caller}: the run is one sample without its dimension (expected run.isel(sample=[k]), or run.sel(time=[t], method='nearest'))")
+    if run.sizes.get("sample") == 0:
+        raise InputError(f"{caller}: the run has no samples (expected one at least)")
+
+
 def need_result(run: xr.Dataset, name: str, caller: str) -> xr.DataArray:
     """A result with values at every sample.
 
@@ -94,6 +108,7 @@ def need_result(run: xr.Dataset, name: str, caller: str) -> xr.DataArray:
     """
     if not isinstance(name, str):
         raise InputError(f"{caller}: quantity: expected a name, got {quoted(name)}")
+    need_samples(run, caller)
     if name in run and run[name].dims[:1] == ("sample",):
         return run[name]
     known = ", ".join(str(other) for other, values in run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f")

@@ -316,3 +316,14 @@ def test_a_path_that_changes_nothing_is_refused(path: str, says: str) -> None:
 
 def test_a_new_variable_that_is_used() -> None:
     assert turning().with_({"variables.grown": "0.2 m", "variables.crank": "grown"}).inverse().linkdyn is not None
+
+
+@pytest.mark.parametrize(("part", "says"), [({"sample": 0}, "one sample without its dimension"), ({"sample": slice(0, 0)}, "has no samples")])
+def test_of_one_sample_without_its_dimension_and_of_none(part: dict[str, Any], says: str, tmp_path: Path) -> None:
+    run = turning().inverse().isel(part)
+    own = run.linkdyn
+    for call in (own.worst, own.rms, own.to_frame, own.energy, partial(own.flywheel, 0.1), partial(own.to_csv, tmp_path / "x.csv"), partial(own.sheet, tmp_path / "x.html"),
+                 *(partial(draw, run) for draw in (plot.driving_forces, plot.reactions, plot.hodograph, plot.polar, plot.motion))):  # fmt: skip
+        with pytest.raises(linkdyn.InputError, match=says):
+            call()
+    assert "samples" in own._repr_html_()

@@ -12,6 +12,7 @@ import xarray as xr
 
 from .._arguments import as_count, as_flag, as_floats, as_mapping, as_number, as_path, as_positive
 from ..errors import InputError
+from ..results import need_samples
 from ..scene import Scene
 
 __all__ = ["checked"]
@@ -46,6 +47,8 @@ def checked(function: Function) -> Function:
 def _as_run(name: str, value: Any) -> xr.Dataset:
     if not isinstance(value, xr.Dataset):
         raise InputError(f"{name}: these are no results of a sweep or of a run (expected an xarray.Dataset, got {type(value).__name__})")
+    if "status" in value:
+        need_samples(value, name)
     return value
 
 
