@@ -256,3 +256,11 @@ def test_pareto_front():
 def test_refused(run, designed, call, message):
     with pytest.raises(linkdyn.InputError, match=message):
         call(run, designed)
+
+
+def test_a_front_of_one_design_is_a_ring() -> None:
+    """The legend showed a line that was nowhere in the picture."""
+    axes = [{"coordinate": "A", "linspace": [0.0, 6.0, 13]}, {"parameter": "variables.line", "values": [1.0, 2.0]}]
+    _, axis = plot.designs(linkdyn.new("four-bar").sweep({"axis": axes}), gain="feasible_fraction")
+    (front,) = (line for line in axis.lines if line.get_label() == "no design is better in both")
+    assert (len(front.get_xdata()), front.get_marker(), front.get_linestyle()) == (1, "o", "None")

@@ -711,8 +711,8 @@ def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_
             marker=markers[k % len(markers)], edgecolors="white", linewidths=0.6,
             label=f"{step * factors[1][0]:.4g} {factors[1][1]}".strip() if values.shape[1] > 1 else None,
         )
-    axis.plot(x[front], y[front], color=COLOURS[1], linewidth=1.5, zorder=2, label="no design is better in both")
-    axis.scatter(x[front], y[front], s=130, facecolors="none", edgecolors=COLOURS[1], linewidths=1.3, zorder=4)
+    axis.plot(x[front], y[front], "o-" if len(front) > 1 else "o", color=COLOURS[1], linewidth=1.5, zorder=2, markersize=11.5, markerfacecolor="none",
+              markeredgewidth=1.3, label="no design is better in both")
     figure.colorbar(drawn, ax=axis, label=_axis_label(names[0], factors[0][1]), pad=0.02)
     for k in _apart(x[front], y[front]):
         design = front[k]
