@@ -19,7 +19,7 @@ module linkdyn_open_run
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_status_name
     use linkdyn_text, only: to_text, quoted
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched
-    use linkdyn_whole_turns, only: least_angle
+    use linkdyn_written_numbers, only: is_at
     implicit none (type, external)
     private
     public :: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state, status_stopped, status_no_result
@@ -27,8 +27,6 @@ module linkdyn_open_run
     ! ---- beside the engine's codes
     integer, parameter :: status_stopped = 9       !! the run has ended before the instant, for the reason told
     integer, parameter :: status_no_result = 10    !! nothing can be told of this instant; the run goes on
-
-    real(wp), parameter :: fit = 1.0e-6_wp         !! a state written with seven digits is that state
 
     type, extends(held_thing) :: open_run
         type(model_type), pointer :: own => null()     !! of the scene
@@ -264,17 +262,6 @@ contains
 
         text = to_text(q)//" "//trim(unit)//" with "//to_text(qd)//" "//trim(unit)//"/s"
     end function place_in_words
-
-    !> Is a value the one wanted, an angle but for whole turns?
-    pure logical function is_at(wanted, found, is_exact)
-        real(wp), intent(in) :: wanted, found
-        logical, intent(in) :: is_exact                !! whole turns count
-        real(wp) :: apart
-
-        apart = abs(wanted - found)
-        if (.not. is_exact) apart = abs(least_angle(apart))
-        is_at = apart <= fit*max(1.0_wp, abs(wanted))
-    end function is_at
 
     !> What one run holds is exchanged for what another one does.
     subroutine replace_run(new, run)

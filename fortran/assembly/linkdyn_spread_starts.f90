@@ -3,7 +3,7 @@
 !> Links that are welded are one body, so one start says it for all. A block on a slide, that of a slot above all, to which no scene
 !> can give a start, is where the pin that joins it to another link is, if both its neighbours' starts are known.
 module linkdyn_spread_starts
-    use linkdyn_angles, only: matrix_of_angles
+    use linkdyn_angles, only: matrix_of_angles, angles_of_matrix
     use linkdyn_joint_table, only: joint_fixed, joint_prismatic, joint_revolute, joint_universal, joint_spherical
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -82,7 +82,7 @@ contains
             r = matmul(rotation_of(model, joint%link(from)), r)
             associate (new => model%scene%link(joint%link(3 - from))%start)
                 new(:3) = there - matmul(r, joint%point(:, 3 - from))
-                new(4:) = [atan2(-r(2, 3), r(3, 3)), atan2(r(1, 3), norm2(r(2:, 3))), atan2(-r(1, 2), r(1, 1))]
+                new(4:) = angles_of_matrix(r)
             end associate
         end associate
     end subroutine place_against

@@ -33,7 +33,7 @@ module linkdyn_forward
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_singular
     use linkdyn_stop_starts, only: refuse_beyond_stops, find_passed
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_whole_turns, only: least_angle
+    use linkdyn_written_numbers, only: is_at
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -41,7 +41,6 @@ module linkdyn_forward
         choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
-    real(wp), parameter :: fit = 1.0e-6_wp         !! a start written with seven digits is meant to be on the motion
 
 contains
 
@@ -113,13 +112,6 @@ contains
         call release_texts()
     end subroutine stop_where_passed
 
-    !> A rate written with seven digits is that rate.
-    elemental logical function is_same_rate(rate, other)
-        real(wp), intent(in) :: rate, other
-
-        is_same_rate = abs(rate - other) <= fit*max(1.0_wp, abs(other))
-    end function is_same_rate
-
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
     subroutine refuse_other_start(run, t, q, qd, status)
@@ -130,7 +122,6 @@ contains
         real(wp), dimension(size(q), 1) :: on_q, on_qd, on_qdd
         real(wp), allocatable :: load(:, :, :)
         character(len=:), allocatable :: where
-        real(wp) :: apart
         integer :: k, actuator
 
         actuator = findloc(run%system%by_inverse, .true., dim=1)
@@ -141,12 +132,10 @@ contains
             associate (c => run%own%scene%coordinate(k))
                 ! A coordinate without a motion is held, if others do not move it.
                 if (c%motion%kind == law_none .and. .not. all(run%system%by_inverse)) cycle
-                apart = abs(q(k) - on_q(k, 1))
-                if (repeats(run%own, k)) apart = abs(least_angle(apart))
                 where = ""
-                if (apart > fit*max(1.0_wp, abs(q(k)))) then
+                if (.not. is_at(q(k), on_q(k, 1), .not. repeats(run%own, k))) then
                     where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)
-                else if (.not. is_same_rate(qd(k), on_qd(k, 1))) then
+                else if (.not. is_at(on_qd(k, 1), qd(k), .true.)) then
                     where = "with "//to_text(qd(k))//" "//trim(c%unit)//"/s, its motion with "//to_text(on_qd(k, 1))//" " &
                             //trim(c%unit)//"/s"
                     if (c%motion%kind == law_none) where = "with "//to_text(qd(k))//" "//trim(c%unit)//"/s and has no motion"

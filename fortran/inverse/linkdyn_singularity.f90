@@ -404,40 +404,39 @@ contains
         type(condition_space), intent(inout) :: factors
         type(singularity_space), intent(inout) :: space
         real(wp), intent(out) :: curvature(lanes)
-        real(wp), dimension(lanes) :: step, slope, change, bend
+        real(wp) :: rate(lanes, size(condition%kernels%form%row))      ! of the entries of A
+        real(wp), dimension(lanes) :: step, slope, bend
         real(wp), parameter :: weight(-1:1) = [1, -2, 1]
         integer :: i, way
 
         step = step_on_way(model, space%going)
-        space%turned = 0
+        rate = 0
         curvature = 0
-        do way = -1, 1
-            call move_on(model, way*step, space)
-            call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
-            associate (form => condition%kernels%form, found => space%of_matrix%found)
+        associate (form => condition%kernels%form, left => space%left, right => space%right)
+            do way = -1, 1
+                call move_on(model, way*step, space)
+                call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
                 do i = 1, size(form%row)
                     if (form%output(i) == 0) cycle
-                    change = found(:, form%output(i))*space%right(:, form%column(i))
-                    curvature = curvature + weight(way)*(space%left(:, form%row(i))*change)
-                    space%turned(:, form%row(i)) = space%turned(:, form%row(i)) + way*change/(2*step)
+                    associate (entry => space%of_matrix%found(:, form%output(i)))
+                        curvature = curvature + weight(way)*entry*(left(:, form%row(i))*right(:, form%column(i)))
+                        rate(:, i) = rate(:, i) + way*entry/(2*step)
+                    end associate
                 end do
-            end associate
-        end do
-        space%solved = space%turned
-        call solve_poses(condition, state, factors, space%solved)
-        slope = sum(space%left*space%turned, 2)
-        bend = 0
-        do way = -1, 1, 2
-            call move_on(model, way*step, space)
-            call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
-            associate (form => condition%kernels%form, found => space%of_matrix%found)
-                do i = 1, size(form%row)
-                    if (form%output(i) > 0) bend = bend + way*found(:, form%output(i)) &
-                        *(space%left(:, form%row(i))*space%solved(:, form%column(i)))
-                end do
-            end associate
-        end do
-        curvature = curvature/step**2 - bend/step + 2*slope**2/sigma
+            end do
+            space%turned = 0
+            do i = 1, size(form%row)
+                space%turned(:, form%row(i)) = space%turned(:, form%row(i)) + rate(:, i)*right(:, form%column(i))
+            end do
+            space%solved = space%turned
+            call solve_poses(condition, state, factors, space%solved)
+            bend = 0
+            do i = 1, size(form%row)
+                bend = bend + rate(:, i)*(left(:, form%row(i))*space%solved(:, form%column(i)))
+            end do
+            slope = sum(left*space%turned, 2)
+        end associate
+        curvature = curvature/step**2 - 2*bend + 2*slope**2/sigma
     end subroutine curvature_of_sigma
 
     !> Second derivative of a dyad's determinant along the way.
@@ -497,7 +496,7 @@ contains
                 do o = 0, model%n_orientation
                     associate (r => going%plane%rotation(o), omega => going%plane%angular(:, level_velocity, o), &
                                alpha => going%plane%angular(:, level_given, o))
-                        moved%plane%rotation(o) = turned_by(r, step*omega + half_square*alpha, 1 - half_square*omega**2)
+                        moved%plane%rotation(o) = rot2(1 - half_square*omega**2, step*omega + half_square*alpha)*r
                     end associate
                 end do
             else
@@ -534,12 +533,4 @@ contains
             further = axis + step*(omega.cross.axis) + half_square*((alpha.cross.axis) + (omega.cross.(omega.cross.axis)))
         end function further
     end subroutine move_on
-
-    !> A rotation turned by an angle whose sine and cosine are given.
-    pure type(rot2) function turned_by(r, sine, cosine) result(turned)
-        type(rot2), intent(in) :: r
-        real(wp), intent(in) :: sine(lanes), cosine(lanes)
-
-        turned = rot2(cosine*r%c - sine*r%s, cosine*r%s + sine*r%c)
-    end function turned_by
 end module linkdyn_singularity

@@ -37,6 +37,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
     use linkdyn_variables, only: variable_table
+    use linkdyn_written_numbers, only: is_at
     implicit none (type, external)
     private
     public :: read_scene, parse_scene, read_document, root_of, check_actuators
@@ -245,7 +246,6 @@ contains
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: fit = 1.0e-6_wp         !! a rate written with seven digits is that rate
         type(scene_place) :: place
         real(wp) :: position, velocity, acceleration
         integer :: i
@@ -254,8 +254,7 @@ contains
             associate (coordinate => scene%coordinate(i))
                 if ((coordinate%has_start .and. .not. coordinate%is_driven) .or. coordinate%motion%kind == law_none) cycle
                 call evaluate_law(coordinate%motion, scene%time%first, position, velocity, acceleration)
-                if (abs(coordinate%start_velocity) > 0 .and. &
-                    abs(coordinate%start_velocity - velocity) > fit*max(1.0_wp, abs(velocity))) then
+                if (abs(coordinate%start_velocity) > 0 .and. .not. is_at(velocity, coordinate%start_velocity, .true.)) then
                     place = root
                     place%what = "coordinate "//quoted(coordinate%name)
                     call refuse(place, "starts with the "//to_text(velocity)//" "//trim(coordinate%unit)// &
