@@ -4,7 +4,8 @@ Usage: check.py [NAME ...]
 
 Names are `test`, all tests of the ordinary build (`make test` leaves the thorough ones out, and takes fewer of the fuzzer's cases),
 the ways below, and `blas`. Without a name: all. The last line is `N passed, N failed`, exit status 1 if anything failed. What
-cannot run on this machine is said before it.
+cannot run on this machine is said before it, and so is what LINKDYN_CHECK_UNTIL, an instant in seconds since 1970, leaves no time to
+begin: a machine that is given so long and no longer would otherwise end without any count.
 """
 
 from __future__ import annotations
@@ -180,11 +181,16 @@ def build(folder: Path, options: tuple[str, ...], precision: str) -> bool:
     return True
 
 
+def lacks_time() -> str:
+    until = os.environ.get("LINKDYN_CHECK_UNTIL", "")
+    return "no time is left to begin it" if until and time.time() > float(until) else ""
+
+
 def run_kernels() -> Iterator[tuple[str, Count | str]]:
     """The accuracy tests of the ordinary build with each of the BLAS kernels; or why not."""
     for kernel, flags in KERNELS.items():
         environment = {"OPENBLAS_CORETYPE": kernel}
-        reason = lacks_instructions(*flags)() or lacks_kernel(kernel)
+        reason = lacks_instructions(*flags)() or lacks_kernel(kernel) or lacks_time()
         yield f"blas {kernel}", reason or (
             run_fortran(ORDINARY, "real64", environment) + run_python(ORDINARY.resolve() / "pytest-blas.xml", [*ACCURACY, "tests"], environment)
         )
@@ -206,7 +212,7 @@ def run_named(name: str) -> Iterator[tuple[str, Count | str]]:
     if name == "blas":
         yield from run_kernels()
         return
-    reason = WAYS[name].lacks()
+    reason = WAYS[name].lacks() or lacks_time()
     yield name, reason or run_way(name)
 
 
