@@ -64,7 +64,7 @@ contains
         do i = 1, model%n_actuator
             own = 1
             do k = 1, model%n_q
-                own = own - model%scene%actuator(i)%share**2*jacobian(:, i, k)*left(:, k, i)
+                own = own - model%scene%actuator(i)%share*jacobian(:, i, k)*left(:, k, i)
             end do
             do lane = 1, lanes
                 if (state%unreachable(lane) .or. state%not_converged(lane) .or. state%singular(lane) .or. is_singular(lane)) cycle

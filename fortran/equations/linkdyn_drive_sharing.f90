@@ -1,8 +1,8 @@
 !> More drives than freedoms: how they share the work, as equations beside those of motion.
 !>
-!> Of all driving forces u that the motion allows, those with the least sum of ((u - p)/share)^2, p the preload, are
+!> Of all driving forces u that the motion allows, those with the least sum of (u - p)^2/share, p the preload, are
 !>
-!>     u = p + share^2 s',
+!>     u = p + share s',
 !>
 !> s' the speeds of the driven variables in some motion of the mechanism: what differs from them by a strain has no power in
 !> any motion, so it is square to this part of them. The rates of the coordinates in that motion are unknowns, as many as
@@ -34,7 +34,7 @@ contains
         do i = 1, size(transmitted)
             associate (drive => mechanism%model%scene%actuator(i))
                 speed = substituted(map, variable_rate(mechanism, drive%joint, drive%variable))
-                call require(system, transmitted(i) - constant(drive%preload) - constant(drive%share**2)*speed)
+                call require(system, transmitted(i) - constant(drive%preload) - constant(drive%share)*speed)
             end associate
         end do
     end subroutine share_work

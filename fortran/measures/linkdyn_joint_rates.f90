@@ -270,7 +270,7 @@ contains
         end do
     end subroutine actuator_columns
 
-    !> J^T W J of the actuators' Jacobian, W the squares of the drives' shares: how drives that share the work hold the coordinates.
+    !> J^T W J of the actuators' Jacobian, W the drives' shares: how drives that share the work hold the coordinates.
     pure function normal_matrix(model, jacobian) result(normal)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: jacobian(lanes, model%n_actuator, model%n_q)
@@ -281,7 +281,7 @@ contains
         do k = 1, model%n_q
             do j = 1, model%n_q
                 do i = 1, model%n_actuator
-                    normal(:, j, k) = normal(:, j, k) + model%scene%actuator(i)%share**2*jacobian(:, i, j)*jacobian(:, i, k)
+                    normal(:, j, k) = normal(:, j, k) + model%scene%actuator(i)%share*jacobian(:, i, j)*jacobian(:, i, k)
                 end do
             end do
         end do

@@ -338,7 +338,7 @@ module linkdyn_scene
         integer :: joint = 0
         integer :: variable = 1                   !! which variable of the joint
         real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of
-        real(wp) :: preload = 0                   !! ((force - preload)/share)^2 [N, N m]
+        real(wp) :: preload = 0                   !! (force - preload)^2/share [N, N m]
         type(drive_spec) :: drive
         logical :: has_law = .false.              !! the file says what it does in forward dynamics
         type(motor_spec) :: motor

@@ -35,7 +35,7 @@ def test_two_motors_on_one_shaft(share: float) -> None:
     both = linkdyn.Scene(two_motors(share=share)).inverse(want="all")
     assert list(both.actuator.values) == ["A", "A:second"]
     total = alone.driving_force.values[:, 0]
-    np.testing.assert_allclose(both.driving_force.values, np.outer(total, np.array([1, share**2]) / (1 + share**2)), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(both.driving_force.values, np.outer(total, np.array([1, share]) / (1 + share)), rtol=1e-12, atol=1e-13)
     np.testing.assert_allclose(both.reaction.values, alone.reaction.values, atol=1e-12 * np.abs(alone.reaction.values).max())
     assert np.abs(both.power_imbalance).max() < 1e-13
     np.testing.assert_array_equal(both.driving_speed.values[:, 0], both.driving_speed.values[:, 1])
@@ -133,9 +133,10 @@ def test_preloaded_legs() -> None:
     legs /= np.linalg.norm(legs, axis=1)[:, np.newaxis]
     wrenches = np.concatenate([legs, np.cross(arms, legs)], axis=1).T               # of unit forces of the legs (6, leg)
     # the part of the preload that moves nothing, in the norm of the shares
-    weighted = wrenches * share
+    root = np.sqrt(share)
+    weighted = wrenches * root
     idle = np.eye(8) - np.linalg.pinv(weighted) @ weighted
-    np.testing.assert_allclose(run.driving_force.values[0] - free, share * (idle @ (preload / share)), atol=1e-9 * np.abs(preload).max())
+    np.testing.assert_allclose(run.driving_force.values[0] - free, root * (idle @ (preload / root)), atol=1e-9 * np.abs(preload).max())
     assert np.abs(run.driving_force.values[0] - free).max() > 20.0
 
 
@@ -220,7 +221,7 @@ def test_code_of_shared_drives(tmp_path: Path) -> None:
 def test_paths_of_changes() -> None:
     scene = linkdyn.Scene(two_motors())
     run = scene.with_({"actuator.second.share": 2.0}).inverse()
-    np.testing.assert_allclose(run.driving_force.values[:, 1], 4 * run.driving_force.values[:, 0], rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(run.driving_force.values[:, 1], 2 * run.driving_force.values[:, 0], rtol=1e-12, atol=1e-13)
 
 
 def test_built_in_python() -> None:
