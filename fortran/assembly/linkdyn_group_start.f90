@@ -385,7 +385,7 @@ contains
             end do
         end do
         do i = 1, size(group%link)
-            if (is_led(model, group%link(i))) call put_led_link(model, group%link(i), first, state)
+            if (is_led(model, group%link(i))) call put_led_link(model, group, group%link(i), first, state)
         end do
 
     contains
@@ -443,15 +443,19 @@ contains
         end do
     end function is_led
 
-    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other.
-    subroutine put_led_link(model, link, first, state)
+    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other. One that has
+    !> the orientation of another link, or of the frame, stands as that does.
+    subroutine put_led_link(model, group, link, first, state)
         type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
         integer, intent(in) :: link, first
         type(kinematic_state), intent(inout) :: state
         real(wp) :: pose(lanes, 6), quaternion(lanes, 4)
         type(vec3) :: point, arm
         integer :: attempt, j, k, lane
+        logical :: turns
 
+        turns = group%turns(findloc(group%link, link, dim=1))
         do lane = 1, lanes
             attempt = first + lane - 1
             pose(lane, :) = model%scene%link(link)%start
@@ -474,6 +478,15 @@ contains
         end do
         if (model%is_planar) pose(:, 3:5) = 0
         quaternion = quaternion_of_rpy(pose(:, 4), pose(:, 5), pose(:, 6))
+        if (.not. turns) then
+            if (model%is_planar) then
+                associate (r => state%plane%rotation(orientation_of(model, link)))
+                    pose(:, 6) = atan2(r%s, r%c)
+                end associate
+            else
+                quaternion = quaternion_of_rotation(state%rotation(orientation_of(model, link)))
+            end if
+        end if
         ! what is given is the place of the point, the start that of the origin: near enough for a start
         arm = rotation_of_quaternion(quaternion).rotate.point
         associate (place => state%group%place(:, :, link), o => orientation_of(model, link))
@@ -482,12 +495,12 @@ contains
             if (model%is_planar) then
                 state%group%place(:, 3, link) = pose(:, 6)
                 state%plane%position(link) = vec2(place(:, 1), place(:, 2))
-                state%plane%rotation(o) = rot2_by_angle(pose(:, 6))
+                if (turns) state%plane%rotation(o) = rot2_by_angle(pose(:, 6))
             else
                 state%group%place(:, 3, link) = pose(:, 3) - arm%z
                 state%group%place(:, 4:7, link) = quaternion
                 state%position(link) = vec3(place(:, 1), place(:, 2), place(:, 3))
-                state%rotation(o) = rotation_of_quaternion(quaternion)
+                if (turns) state%rotation(o) = rotation_of_quaternion(quaternion)
             end if
         end associate
     end subroutine put_led_link
