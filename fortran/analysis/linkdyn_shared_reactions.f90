@@ -10,7 +10,8 @@
 !> The same look at the joints tells whether they fit at all: constraints that are redundant in theory gape if the geometry is not
 !> what makes them so. Such a sample is `unreachable`.
 module linkdyn_shared_reactions
-    use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over
+    use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over, &
+        hardly_new
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
     use linkdyn_elastic_links, only: list_arm_parts, wrench_on_arm, misfit_of
     use linkdyn_gear_fit, only: gears_go_along
@@ -19,7 +20,6 @@ module linkdyn_shared_reactions
     use linkdyn_model, only: model_type, holds_spin, gapes
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: find_null_space_by_plan
-    use linkdyn_redundancy, only: hardly_new
     use linkdyn_release, only: compliances
     use linkdyn_scene, only: share_by_stiffness
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular

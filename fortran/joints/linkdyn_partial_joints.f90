@@ -1,4 +1,4 @@
-!> What is left of joints that let go of what others hold already: a point in a groove, a point on a plate, nothing. Their variables
+!> What is left of joints that let go of what others hold already: a point in a groove, a point on a plate, a key, nothing. Their variables
 !> are those of the joints that they are left of.
 module linkdyn_partial_joints
     use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
@@ -6,9 +6,9 @@ module linkdyn_partial_joints
     use linkdyn_vector, only: rotation, unit_vector, zero_vector, operator(.dot.)
     implicit none (type, external)
     private
-    public :: groove, plate, loose
+    public :: groove, plate, key, loose
 
-    !> Nothing, and what all three have in common.
+    !> Nothing, and what all four have in common.
     type, extends(joint_kind) :: loose
     contains
         procedure :: constraints => no_constraints
@@ -27,6 +27,12 @@ module linkdyn_partial_joints
     contains
         procedure :: constraints => in_plane
     end type plate
+
+    !> No turning about the axis square to the z axes of both markers.
+    type, extends(loose) :: key
+    contains
+        procedure :: constraints => keyed
+    end type key
 
 contains
 
@@ -53,6 +59,14 @@ contains
 
         c = [pair%gap .dot.pair%first%z]
     end function in_plane
+
+    function keyed(self, pair) result(c)
+        class(key), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(value), allocatable :: c(:)
+
+        c = [pair%second%z .dot.pair%first%z]
+    end function keyed
 
     !> No link hangs on such a joint.
     function shift(self, q) result(s)

@@ -15,13 +15,13 @@ module linkdyn_constraint_rows
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, along_axes, along_x_and_y, &
         along_z, along_normal
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, joint_type, gear_type, scene_size
+    use linkdyn_model, only: model_type, joint_type, gear_type, scene_size, gapes
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_planar, &
         joint_screw, joint_n_variable
     implicit none (type, external)
     private
     public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, close_near_start, list_rows, joint_frame
-    public :: joint_point, any_turned_over, move_bodies
+    public :: joint_point, any_turned_over, move_bodies, least_new, hardly_new
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
@@ -30,6 +30,10 @@ module linkdyn_constraint_rows
     !> The loop may move: without damping the last steps would be undetermined. It slows them by this part of a squared singular value.
     real(wp), parameter :: least_damping = 1.0e-10_wp
     real(wp), parameter :: is_closed = 1.0e-11_wp       !! [rad, scene sizes]
+
+    !> A row is redundant if less of it than this is new. Exact numbers leave errors of 1e-11 in a closed loop; independent rows of a
+    !> mechanism that can be built and is a tenth of a radian off its special positions are not that near to dependent.
+    real(wp), parameter :: hardly_new = 1.0e-6_wp
 
     integer, parameter :: most_held = 6                 !! directions, by a joint
     integer, parameter :: of_force = 1, of_moment = 2
@@ -46,6 +50,7 @@ module linkdyn_constraint_rows
         real(wp), allocatable :: rotation(:, :, :)      !! (3, 3, 0:n bodies)
         real(wp) :: size = 1                            !! [m]
         integer, allocatable :: column(:)               !! freedoms of a body that count: all six, or those of the plane
+        real(wp) :: open = 0                            !! what closing has left [rad, scene sizes]
     end type loop_type
 
     !> Constraint rows of a loop.
@@ -305,23 +310,29 @@ contains
     end function any_turned_over
 
     !> Steps of least squares, damped by the square of what is open. Gears hold no marker and are left out: wheels may stand anyhow.
+    !>
+    !> A mechanism that moves by its proportions alone does so with exact numbers. With rounded ones, as drawings have them, some of the
+    !> loop stays open off the start, and steps do not make it smaller: it is closed as far as its joints may gape.
     subroutine close_loop(model, loop, is_done, most)
         type(model_type), intent(in) :: model
         type(loop_type), intent(inout) :: loop
         logical, intent(out) :: is_done
         integer, intent(in), optional :: most            !! steps
         type(rows_type) :: rows
-        real(wp) :: step(size(loop%column)*ubound(loop%position, 2)), largest
+        real(wp) :: step(size(loop%column)*ubound(loop%position, 2)), largest, before
         logical :: is_found
         integer :: n, n_step
 
         is_done = .false.
         n_step = most_steps
         if (present(most)) n_step = most
+        loop%open = huge(loop%open)
         do n = 1, n_step
             call list_rows(model, loop, rows, gears=.false.)
             if (rows%n == 0) return
-            is_done = norm2(rows%residual(:rows%n)) <= is_closed
+            before = loop%open
+            loop%open = norm2(rows%residual(:rows%n))
+            is_done = loop%open <= is_closed .or. (loop%open <= gapes .and. loop%open > before/2)
             if (is_done) return
             associate (j => rows%row(:, :rows%n), f => rows%residual(:rows%n))
                 call find_damped_step(j, f, min(1.0_wp, dot_product(f, f)) + least_damping, step, is_found)
@@ -348,6 +359,14 @@ contains
             loop%rotation(:, :, b) = matmul(turn_by(six(4:)), loop%rotation(:, :, b))
         end do
     end subroutine move_bodies
+
+    !> What is hardly new of this loop's rows: where rounded numbers leave it open they are off by about as much.
+    pure real(wp) function least_new(loop)
+        type(loop_type), intent(in) :: loop
+        real(wp), parameter :: per_opening = 10
+
+        least_new = max(hardly_new, per_opening*loop%open)
+    end function least_new
 
     ! ---------------------------------------------------------------- rows
 

@@ -4,13 +4,13 @@
 !> Counting takes such a mechanism for one that its coordinates lead, and with them given no start ever closes. Here the joints
 !> alone are closed, without coordinates (`linkdyn_constraint_rows`), and it is asked how the motions that they leave move each.
 module linkdyn_locked_coordinate
-    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows
+    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows, least_new
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: variable_axis, is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, joint_type
     use linkdyn_null_space, only: find_null_space
-    use linkdyn_redundancy, only: most_links, hardly_new
+    use linkdyn_redundancy, only: most_links
     use linkdyn_scene, only: coordinate_joint, coordinate_spec, joint_universal, joint_spherical, pose_attitude
     implicit none (type, external)
     private
@@ -38,16 +38,16 @@ contains
         call close_near_start(model, [(i, i=1, model%n_link)], [(i, i=1, model%n_joint)], loop, is_closed)
         if (.not. is_closed) return
         call list_rows(model, loop, rows)
-        call find_null_space(transpose(rows%row(:, :rows%n)), hardly_new, motion)
+        call find_null_space(transpose(rows%row(:, :rows%n)), least_new(loop), motion)
         allocate (basis(size(motion, 2), model%n_q))
         do i = 1, model%n_q
             own = rates(model, model%scene%coordinate(i), loop, motion)
-            follows = norm2(own) > hardly_new
+            follows = norm2(own) > least_new(loop)
             if (follows) own = own/norm2(own)
             do pass = 1, 2
                 own = own - matmul(basis(:, :i - 1), matmul(transpose(basis(:, :i - 1)), own))
             end do
-            if (norm2(own) <= hardly_new) locked = i
+            if (norm2(own) <= least_new(loop)) locked = i
             if (locked > 0) return
             basis(:, i) = own/norm2(own)
         end do

@@ -680,15 +680,26 @@ contains
         else if (failed > 0) then
             call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(failed)%name) &
                       //" is one too many: joints "//joint_names(model, joint)//" and the other coordinates determine its links " &
-                      //"without it (mobility is "//to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinate(s) given)")
+                      //"without it (mobility is "//to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinate(s) given)" &
+                      //hint_of_gap(redundancy%gap))
         else if (size(link) == 0) then
             call fail(status, status_bad_input, "joint "//joint_names(model, joint)//" over-constrains its links by " &
                       //to_text(grouping%excess)//": both are already determined by the coordinates")
         else
             call fail(status, status_bad_input, "joints "//joint_names(model, joint)//" over-constrain links " &
-                      //link_names(model, link)//" by "//to_text(grouping%excess))
+                      //link_names(model, link)//" by "//to_text(grouping%excess)//hint_of_gap(redundancy%gap))
         end if
     end subroutine refuse_excess
+
+    !> What numbers with too few digits make of a mechanism that moves by its proportions.
+    pure function hint_of_gap(gap) result(hint)
+        character(len=*), intent(in) :: gap            !! "joint 'D' stays open by .."; empty: none
+        character(len=:), allocatable :: hint
+
+        hint = ""
+        if (gap /= "") hint = "; closed as far as they can be, "//gap &
+            //" (expected less than a millionth of the mechanism's size: numbers with more digits, or joints that hold less)"
+    end function hint_of_gap
 
     !> Directions that a loop holds more often than once, though it may move: reactions there cannot be told apart.
     subroutine refuse_redundancy(model, joint, link, redundancy, status)

@@ -4,19 +4,17 @@
 !> (`linkdyn_constraint_rows`) and builds an orthonormal basis of the constraint rows in the order of the joints: a row that lies in
 !> the span of those before it is redundant.
 module linkdyn_redundancy
-    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows, of_force, of_moment, across, along
+    use linkdyn_constraint_rows, only: loop_type, rows_type, close_near_start, list_rows, least_new, of_force, of_moment, &
+        across, along
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, holds_spin
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: quoted, to_text
     implicit none (type, external)
     private
-    public :: redundancy_type, find_redundancy, most_links, hardly_new
+    public :: redundancy_type, find_redundancy, most_links
 
     integer, parameter :: most_links = 40               !! of a loop that is looked at: the cost grows with the cube
-    !> A row is redundant if less of it than this is new. Closing leaves errors of 1e-11; independent rows of a mechanism that
-    !> can be built and is a tenth of a radian off its special positions are not that near to dependent.
-    real(wp), parameter :: hardly_new = 1.0e-6_wp
 
     !> What was found.
     type :: redundancy_type
@@ -25,6 +23,8 @@ module linkdyn_redundancy
         integer :: mobility = 0                         !! freedoms that the joints leave, as the loop is made
         character(len=:), allocatable :: directions     !! "of joint 'D' the force along its axis and ..."
         character(len=:), allocatable :: remedy         !! "make joint 'D' spherical"; empty: no other kind helps
+        character(len=:), allocatable :: gap            !! of one that hardly misses: "joint 'D' stays open by 2e-5 m"; empty: it closes,
+                                                        !! or is far from that
     end type redundancy_type
 
 contains
@@ -39,11 +39,13 @@ contains
         type(rows_type) :: rows
         logical, allocatable :: is_redundant(:)
 
+        found%gap = ""
         if (size(link) > most_links) return
         call close_near_start(model, link, joint, loop, found%is_known)
+        if (.not. found%is_known) found%gap = gap_of(model, loop)
         if (.not. found%is_known) return
         call list_rows(model, loop, rows)
-        is_redundant = redundant_rows(rows)
+        is_redundant = redundant_rows(rows, least_new(loop))
         found%count = count(is_redundant)
         found%mobility = size(rows%row, 1) - rows%n + found%count
         found%directions = words_of(model, loop, rows, is_redundant)
@@ -51,8 +53,9 @@ contains
     end function find_redundancy
 
     !> Rows in the span of those before them: Gram and Schmidt, twice.
-    pure function redundant_rows(rows) result(is_redundant)
+    pure function redundant_rows(rows, least) result(is_redundant)
         type(rows_type), intent(in) :: rows
+        real(wp), intent(in) :: least                   !! part of a row that is new
         logical, allocatable :: is_redundant(:)
         real(wp), allocatable :: basis(:, :), rest(:)
         integer :: i, n, pass
@@ -65,7 +68,7 @@ contains
             do pass = 1, 2
                 rest = rest - matmul(basis(:, :n), matmul(transpose(basis(:, :n)), rest))
             end do
-            is_redundant(i) = norm2(rest) < hardly_new
+            is_redundant(i) = norm2(rest) < least
             if (is_redundant(i)) cycle
             n = n + 1
             basis(:, n) = rest/norm2(rest)
@@ -73,6 +76,30 @@ contains
     end function redundant_rows
 
     ! ---------------------------------------------------------------- words
+
+    !> Where joints that almost fit are open, by the largest gap of what steps have come to.
+    function gap_of(model, loop) result(words)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        character(len=:), allocatable :: words
+        real(wp), parameter :: hardly_misses = 1.0e-3_wp       ! [rad, scene sizes]
+        type(rows_type) :: rows
+        integer :: worst
+
+        words = ""
+        if (.not. loop%open <= hardly_misses) return
+        call list_rows(model, loop, rows, gears=.false.)
+        worst = maxloc(abs(rows%residual(:rows%n)), dim=1)
+        associate (gap => abs(rows%residual(worst)), name => model%joint(loop%joint(rows%joint(worst)))%name)
+            words = "joint "//quoted(name)//" stays open by "
+            if (rows%sort(worst) == of_force) then
+                words = words//to_text(gap*loop%size)//" m"
+            else
+                words = words//to_text(gap)//" rad"
+            end if
+        end associate
+    end function gap_of
+
 
     function words_of(model, loop, rows, is_redundant) result(words)
         type(model_type), intent(in) :: model
@@ -159,7 +186,7 @@ contains
             type(rows_type) :: rows
 
             call list_rows(model, loop, rows)
-            n_redundant = count(redundant_rows(rows))
+            n_redundant = count(redundant_rows(rows, least_new(loop)))
             mobility = size(rows%row, 1) - rows%n + n_redundant
         end subroutine count_rows
     end function remedy_of

@@ -21,19 +21,19 @@
 module linkdyn_release
     use linkdyn_constants, only: golden, pi
     use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, close_near_start, list_rows, joint_frame, &
-        move_bodies, any_turned_over, of_force, of_moment
+        move_bodies, any_turned_over, least_new, of_force, of_moment
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: find_redundant_gears
     use linkdyn_elastic_links, only: list_arm_parts
-    use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose
+    use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose, joint_key
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: lend_texts, take_texts_back
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: plan_null_space
-    use linkdyn_redundancy, only: most_links, hardly_new
+    use linkdyn_redundancy, only: most_links
     use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_fixed, joint_n_variable
+        joint_universal, joint_spherical, joint_fixed, joint_planar, joint_n_variable
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -283,7 +283,7 @@ contains
         loop = pose(1)%loop
         do i = 1, n
             call list_rows(model, loop, rows)
-            call find_null_space(transpose(rows%row(:, :rows%n)), hardly_new, freedom)
+            call find_null_space(transpose(rows%row(:, :rows%n)), least_new(loop), freedom)
             if (size(freedom, 2) == 0) return
             if (i == 1) then
                 along = sense*matmul(freedom, [(1 + modulo(k*golden, 1.0_wp), k=1, size(freedom, 2))])
@@ -311,7 +311,7 @@ contains
         here%loop = loop
         if (present(n_stride)) here%n_stride = n_stride
         call list_rows(model, here%loop, here%rows)
-        call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%whole)
+        call find_null_space(here%rows%row(:, :here%rows%n), least_new(here%loop), here%whole)
         if (size(pose) > 0) then
             if (size(here%whole, 2) /= size(pose(1)%whole, 2)) return
         end if
@@ -357,6 +357,7 @@ contains
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_groove, joint_loose, xy, none)
                 call add_lines()
+                call add_lines_of_groove()
             case (joint_prismatic)
                 if (model%is_planar) then
                     call add(joint_prismatic, joint_plate, none, reshape(y, [3, 1]), 1, x)
@@ -366,10 +367,20 @@ contains
                 call add(joint_prismatic, joint_cylindrical, none, reshape(z, [3, 1]))
                 call add(joint_prismatic, joint_groove, none, xyz)
                 call add(joint_prismatic, joint_loose, xy, xyz)
+                call add(joint_prismatic, joint_key, xy, xy)
                 call add(joint_cylindrical, joint_groove, none, xy)
+                call add(joint_groove, joint_loose, xy, none)
+                call add_lines()
+                call add_lines_of_groove()
             case (joint_cylindrical)
                 call add(joint_cylindrical, joint_groove, none, xy)
                 call add(joint_cylindrical, joint_loose, xy, xy)
+                call add(joint_groove, joint_loose, xy, none)
+                call add_lines_of_groove()
+            case (joint_planar)
+                call add(joint_planar, joint_plate, none, xy)
+                call add(joint_planar, joint_loose, reshape(z, [3, 1]), xy)
+                call add(joint_plate, joint_loose, reshape(z, [3, 1]), none)
             case (joint_universal)
                 call add(joint_universal, joint_spherical, none, reshape(z, [3, 1]))    ! the one moment, across both axes
                 ! a force: rods side by side under one platform
@@ -431,22 +442,47 @@ contains
             end do
         end subroutine add_forks
 
-        !> A pin goes into a slot of the first link; in space it may shift along itself and tilt there, too.
+        !> A pin goes into a slot of the first link; in space it may shift along itself and tilt there, too. Of a slide a point stays in
+        !> a plane.
         subroutine add_lines()
-            real(wp) :: along(3), across(3)
+            real(wp) :: along(3)
             integer :: k
 
             do k = 0, n_angle - 1
-                along = cos(k*pi/n_angle)*x + sin(k*pi/n_angle)*y
-                across = [-along(2), along(1), 0.0_wp]
+                along = line(k)
                 if (model%is_planar) then
-                    call add(joint_revolute, joint_plate, reshape(along, [3, 1]), none, 1, across)
+                    call add(joint_revolute, joint_plate, reshape(along, [3, 1]), none, 1, square_to(along))
+                else if (model%joint(j)%kind == joint_prismatic) then
+                    call add(joint_prismatic, joint_plate, reshape(along, [3, 1]), xyz, 1, square_to(along))
                 else
-                    call add(joint_revolute, joint_plate, reshape([along, z], [3, 2]), xy, 1, across)
-                    call add(joint_groove, joint_plate, reshape(along, [3, 1]), none, 1, across)
+                    call add(joint_revolute, joint_plate, reshape([along, z], [3, 2]), xy, 1, square_to(along))
                 end if
             end do
         end subroutine add_lines
+
+        !> What has become a point in a groove becomes one in a plane.
+        subroutine add_lines_of_groove()
+            integer :: k
+
+            do k = 0, n_angle - 1
+                call add(joint_groove, joint_plate, reshape(line(k), [3, 1]), none, 1, square_to(line(k)))
+            end do
+        end subroutine add_lines_of_groove
+
+        !> Across the joint's axis.
+        pure function line(k) result(along)
+            integer, intent(in) :: k
+            real(wp) :: along(3)
+
+            along = cos(k*pi/n_angle)*x + sin(k*pi/n_angle)*y
+        end function line
+
+        pure function square_to(along) result(across)
+            real(wp), intent(in) :: along(3)
+            real(wp) :: across(3)
+
+            across = [-along(2), along(1), 0.0_wp]
+        end function square_to
     end subroutine list_moves
 
     !> Does a coordinate, a branch or a gear refer to the joint?
@@ -711,17 +747,32 @@ contains
         type(model_type), intent(inout) :: model
         integer, intent(in) :: j
         type(move_type), intent(in) :: move
-        real(wp) :: z(3)
 
-        associate (joint => model%joint(j), side => move%side)
+        associate (joint => model%joint(j))
             joint%kind = move%kind
             joint%frame = joint%told_frame
-            if (side == 0) return
-            z = matmul(joint%told_frame(:, :, side), move%z)
-            joint%frame(:, 1, side) = cross(joint%told_frame(:, 3, side), z)
-            joint%frame(:, 2, side) = joint%told_frame(:, 3, side)
-            joint%frame(:, 3, side) = z
+            if (move%side > 0) call turn_axis(move%side, move%z)
+            if (move%kind == joint_key) then           ! about z neither x nor y turns
+                call turn_axis(1, [1.0_wp, 0.0_wp, 0.0_wp])
+                call turn_axis(2, [0.0_wp, 1.0_wp, 0.0_wp])
+            end if
         end associate
+
+    contains
+
+        !> The marker's z axis goes where this one was, across it.
+        subroutine turn_axis(side, axis)
+            integer, intent(in) :: side
+            real(wp), intent(in) :: axis(3)            !! in the marker's own axes
+            real(wp) :: z(3)
+
+            associate (joint => model%joint(j))
+                z = matmul(joint%told_frame(:, :, side), axis)
+                joint%frame(:, 1, side) = cross(joint%told_frame(:, 3, side), z)
+                joint%frame(:, 2, side) = joint%told_frame(:, 3, side)
+                joint%frame(:, 3, side) = z
+            end associate
+        end subroutine turn_axis
     end subroutine make_move
 
     ! ---------------------------------------------------------------- what is shared
@@ -756,7 +807,7 @@ contains
         do p = 1, size(pose)
             do i = 1, pose(p)%rows%n
                 j = pose(p)%loop%joint(pose(p)%rows%joint(i))
-                if (maxval(abs(pose(p)%whole(i, :))) <= hardly_new) cycle
+                if (maxval(abs(pose(p)%whole(i, :))) <= least_new(pose(p)%loop)) cycle
                 is_stressed(pose(p)%rows%sort(i), j) = .true.
                 if (is_geared(model%joint(j)%told_kind)) is_stressed(:, j) = acts_of(model%gear(model%joint(j)%gear))
             end do
