@@ -3,11 +3,10 @@ module linkdyn_place_variables
     use linkdyn_attitude, only: angles_of_rotation, rates_of_angles
     use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity
     use linkdyn_constants, only: pi
-    use linkdyn_joint_kind, only: axis_of
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, in_own_axes, scene_point_of_origin, scene_rotation
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
-        measure_twist, least_openness, marker_at, marker_axes_at
+        measure_twist, least_openness, marker_at, marker_axes_at, seeing_axes_at
     use linkdyn_kinds, only: wp
     use linkdyn_value, only: value, constant, zero, nearest_whole, operator(+), operator(-), operator(*), sqrt, max, atan2, &
         reciprocal, select
@@ -15,7 +14,7 @@ module linkdyn_place_variables
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: place_value, place_rate, place_point, place_gap, relative_attitude, tilt_direction, twist_direction
+    public :: place_value, place_rate, place_point, place_gap, seeing_axis, relative_attitude, tilt_direction, twist_direction
 
 contains
 
@@ -32,7 +31,7 @@ contains
         case (measure_joint)
             number = variable_near(mechanism, spec%joint, spec%variable, constant(spec%near))
         case (measure_marker)
-            number = place_gap(mechanism, spec) .dot.axis_of(scene_rotation(mechanism, spec%link(1)), spec%component)
+            number = place_gap(mechanism, spec) .dot.seeing_axis(mechanism, spec)
         case (measure_distance)
             gap = place_gap(mechanism, spec)
             number = sqrt(gap.dot.gap)
@@ -88,7 +87,7 @@ contains
             select case (spec%kind)
             case (measure_marker)
                 velocity = velocity - (omega_of(bodies, link(1), world_axes) .cross.gap)
-                rate = velocity.dot.axis_of(scene_rotation(mechanism, link(1)), spec%component)
+                rate = velocity.dot.seeing_axis(mechanism, spec)
             case (measure_distance)
                 rate = reciprocal(sqrt(gap.dot.gap))*(gap.dot.velocity)
             case default
@@ -97,6 +96,17 @@ contains
             end select
         end associate
     end function place_rate
+
+    !> The axis of the first link of a measure, or of its marker, along which or about which it tells; world axes.
+    function seeing_axis(mechanism, spec) result(axis)
+        type(mechanism_type), intent(in) :: mechanism
+        type(measure_spec), intent(in) :: spec
+        type(vector) :: axis
+        real(wp) :: own(3, 3)                          ! link axes
+
+        own = seeing_axes_at(mechanism%model%scene, spec%link(1), spec%marker(1))
+        axis = scene_rotation(mechanism, spec%link(1)) .rotate.vector_of(own(:, spec%component))
+    end function seeing_axis
 
     !> The axes x, y and z of the markers of a tilt or a twist, world axes.
     function marker_axes(mechanism, spec) result(axes)

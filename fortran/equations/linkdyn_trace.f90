@@ -238,9 +238,9 @@ contains
                             traced%acting = [traced%acting, holding_wrench(traced%mechanism, clutch%joint(1), &
                                                                clutch%variable(1), force)]
                     else
-                        call push(clutch%joint(1), clutch%variable(1), force)
+                        call push(clutch%measure(1), force)
                     end if
-                    if (clutch%n_side == 2) call push(clutch%joint(2), clutch%variable(2), -clutch%ratio*force)
+                    if (clutch%n_side == 2) call push(clutch%measure(2), -clutch%ratio*force)
                 end associate
             end do
             if (request%has_friction) call move_contacts(traced%mechanism, traced%in%of(in_sense)%v, traced%contact)
@@ -261,13 +261,15 @@ contains
 
     contains
 
-        !> A known force or torque at a joint variable.
-        subroutine push(joint, variable, force)
-            integer, intent(in) :: joint, variable
+        !> A known force or torque along what a measure tells.
+        subroutine push(measure, force)
+            integer, intent(in) :: measure
             type(value), intent(in) :: force
 
-            if (.not. is_zero(force)) &
-                traced%acting = [traced%acting, at_joint_variable(traced%mechanism, joint, variable, force)]
+            if (is_zero(force)) return
+            associate (spec => traced%mechanism%model%scene%laws%measure(measure))
+                traced%acting = [traced%acting, at_place(traced%mechanism, spec, force)]
+            end associate
         end subroutine push
 
         !> What a rotor's acceleration takes comes from the drive, and does not get to the links.

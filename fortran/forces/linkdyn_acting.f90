@@ -6,9 +6,9 @@ module linkdyn_acting
     use linkdyn_bodies, only: bodies_type, point_position
     use linkdyn_joint_kind, only: axis_of
     use linkdyn_mechanism, only: mechanism_type, told_marker_frame, scene_rotation
-    use linkdyn_place_variables, only: place_point, place_gap, relative_attitude, tilt_direction, twist_direction
+    use linkdyn_place_variables, only: place_point, place_gap, seeing_axis, relative_attitude, tilt_direction, twist_direction
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, &
-        measure_twist
+        measure_twist, measure_turn
     use linkdyn_value, only: value, zero, operator(+), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(-), operator(*), operator(.dot.), &
         operator(.rotate.), operator(.unrotate.)
@@ -103,7 +103,7 @@ contains
         case (measure_joint)
             acting = [at_joint_variable(mechanism, spec%joint, spec%variable, effort)]
         case (measure_marker)
-            push = effort*axis_of(scene_rotation(mechanism, spec%link(1)), spec%component)
+            push = effort*seeing_axis(mechanism, spec)
             acting = between_links(mechanism, spec, push, zero_vector())
         case (measure_distance)
             gap = place_gap(mechanism, spec)
@@ -133,7 +133,7 @@ contains
         end associate
     end function between_links
 
-    !> How the rate of an angle between links changes with the angular velocity: the moment of a unit effort, world axes.
+    !> How the rate of an angle between links, or of a turn, changes with the angular velocity: the moment of a unit effort, world axes.
     function angle_gradient(mechanism, spec) result(gradient)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -144,6 +144,8 @@ contains
             gradient = tilt_direction(mechanism, spec)
         case (measure_twist)
             gradient = twist_direction(mechanism, spec)
+        case (measure_turn)
+            gradient = seeing_axis(mechanism, spec)
         case default
             gradient = attitude_gradient(mechanism, spec)
         end select

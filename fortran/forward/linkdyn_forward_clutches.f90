@@ -10,6 +10,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_measures, only: find_kept
     use linkdyn_motor_laws, only: is_on
     use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_scene, only: scene_type
     use linkdyn_slip_parts, only: goes_with_others, slip_levers, still_speeds, slip_speeds, slip_senses, &
         with_lead, find_way_loose, list_held
     implicit none (type, external)
@@ -171,7 +172,7 @@ contains
             do lane = 1, lanes
                 if (.not. is_concerned(lane) .or. (self%clutch%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
                 do i = 1, size(locks, 2)
-                    if (self%model%scene%clutch(i)%lead /= i) cycle
+                    if (.not. tells(self%model%scene, i)) cycle
                     if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
                         call note(kind_open)
                     else if (self%clutch%holds(lane, i) .and. .not. held(lane, i)) then
@@ -191,11 +192,31 @@ contains
 
             entry%kind = kind
             if (.not. is_part(i)) entry%direction = nint(self%clutch%sense(lane, i))
-            entry%impulse = abs(impulse(lane, i))
+            entry%impulse = size_of_impulse(self%model%scene, i, impulse(lane, :))
             if (findloc(locks(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
             call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
         end subroutine note
     end procedure engage
+
+    !> Is it the first of those that share an event, which tells of all?
+    pure logical function tells(scene, i)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: i                       !! clutch
+
+        tells = scene%event(scene%clutch(i)%event)%clutch == i
+    end function tells
+
+    !> The impulse by which a clutch closes, with all that close with it; where forces are among them, that of the forces.
+    pure real(wp) function size_of_impulse(scene, i, impulse) result(length)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: i                       !! clutch
+        real(wp), intent(in) :: impulse(:)             !! of all (n_clutch)
+        logical, dimension(size(impulse)) :: is_part, is_force
+
+        is_part = scene%clutch%event == scene%clutch(i)%event
+        is_force = scene%clutch%unit == "N"
+        length = norm2(pack(impulse, is_part .and. (is_force .eqv. any(is_part .and. is_force))))
+    end function size_of_impulse
 
     !> How fast clutches have slipped so far, before anything happens.
     subroutine note_slips(self, t, y, was_closed, held)

@@ -2,15 +2,13 @@
 !>
 !> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
-    use linkdyn_angles, only: matrix_of_angles
     use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_equations, only: solve_again, solve_with_amounts, flag_locked
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_friction_state, only: pressing_forces
+    use linkdyn_held_places, only: carried_off
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
-    use linkdyn_joint_table, only: joint_spherical
-    use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_slip_parts, only: list_held
     use linkdyn_status, only: sample_not_converged
@@ -226,8 +224,7 @@ contains
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp) :: wanted(lanes, n_clutch(self%model%scene))
-        real(wp), parameter :: many = 64               !! roundings that a joint variable takes through the loops
-        real(wp) :: here(lanes, size(wanted, 2)), slip(lanes, size(wanted, 2)), pace(lanes)
+        real(wp) :: off(lanes, size(wanted, 2)), slip(lanes, size(wanted, 2)), pace(lanes)
         logical :: is_led(size(wanted, 2))
         integer :: i
 
@@ -235,45 +232,12 @@ contains
         wanted = 0
         pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
         if (all(is_led) .or. .not. any(pace > 0)) return
-        call find_kept(self%model, self%workspace%state, angles_about(self%angles, t), here)
+        off = carried_off(self%model, self%workspace%state, angles_about(self%angles, t), self%clutch%kept)
         slip = slips(self%model, self%workspace%state, level_velocity)
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
-            if (turns_as_ball(i)) cycle
-            associate (rounding => many*spacing(max(1.0_wp, abs(self%clutch%kept(:, i)))))
-                here(:, i) = here(:, i) - self%clutch%kept(:, i)
-                here(:, i) = sign(max(abs(here(:, i)) - rounding, 0.0_wp), here(:, i))
-            end associate
-            if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
-            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
+            if (self%model%scene%clutch(i)%unit == "N") off(:, i) = self%model%scene%laws%scale*off(:, i)
+            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*off(:, i))
         end do
-
-    contains
-
-        !> Of a ball the angles tell how it is turned, not how far: that is about the axes of its first marker, all three at once.
-        logical function turns_as_ball(first)
-            integer, intent(in) :: first               !! of its clutches
-            integer :: lane
-
-            associate (clutch => self%model%scene%clutch(first))
-                turns_as_ball = self%model%joint(clutch%joint(1))%told_kind == joint_spherical
-                if (.not. turns_as_ball .or. clutch%lead /= first) return
-            end associate
-            associate (last => first + 2)
-                do lane = 1, lanes
-                    if (self%clutch%holds(lane, first)) wanted(lane, first:last) = -pace(lane)*(2*slip(lane, first:last) &
-                        + pace(lane)*turned_off(here(lane, first:last), self%clutch%kept(lane, first:last)))
-                end do
-            end associate
-        end function turns_as_ball
     end function way_back
-
-    !> By how much an attitude is turned away from another, both told by three angles: a small turn about the axes that these are told in.
-    pure function turned_off(angle, kept) result(turn)
-        real(wp), intent(in) :: angle(3), kept(3)      !! [rad]
-        real(wp) :: turn(3), r(3, 3)
-
-        r = matmul(matrix_of_angles(angle), transpose(matrix_of_angles(kept)))
-        turn = [r(3, 2) - r(2, 3), r(1, 3) - r(3, 1), r(2, 1) - r(1, 2)]/2
-    end function turned_off
 end submodule linkdyn_forward_contacts

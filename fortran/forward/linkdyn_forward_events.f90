@@ -7,7 +7,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_forward_state, only: read_coordinates
-    use linkdyn_held_variables, only: away_from_stops, slips
+    use linkdyn_held_variables, only: away_from_stops, slips, led_by
     use linkdyn_measures, only: find_events
     use linkdyn_motor_states, only: switch_brakes
     use linkdyn_planar_motion, only: level_velocity
@@ -38,6 +38,7 @@ contains
         if (n_clutch(self%model%scene) > 0) call see_surfaces(self, guard)
         do i = 1, n_clutch(self%model%scene)
             where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+            call keep_what_is_held(self, i, guard)
         end do
         if (.not. (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch))) return
         call self%evaluate_on_lanes(t, y, rate, failed)
@@ -51,6 +52,24 @@ contains
             end associate
         end do
     end procedure evaluate_events
+
+    !> What closes a clutch that then holds links where they are may tell how far apart these are: it has come to rest at zero, and what errors
+    !> of the steps carry off and back is no crossing.
+    subroutine keep_what_is_held(self, i, guard)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: i                       !! clutch
+        real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
+        real(wp), parameter :: at_rest = 1.0e-7_wp     !! of its largest value so far
+        real(wp) :: least(lanes)
+
+        associate (clutch => self%model%scene%clutch(i))
+            if (clutch%from_event == 0 .or. .not. clutch%is_positive .or. led_by(self%model, clutch)) return
+            least = at_rest*self%guard_scale(:, clutch%from_event)
+            associate (of => guard(:, clutch%from_event))
+                where (self%clutch%holds(:, i) .and. abs(of) < least) of = sign(least, self%guard_side(:, clutch%from_event))
+            end associate
+        end associate
+    end subroutine keep_what_is_held
 
     !> Of surfaces that slide along several joint variables it is looked out for how fast they still slide the way they did at the accepted
     !> state: that vanishes when they come to rest.
@@ -144,7 +163,7 @@ contains
                         strikes(lane, event%stop) = .true.
                         cycle
                     end if
-                    self%guard_side(lane, i) = -self%guard_side(lane, i)
+                    self%guard_side(lane, i) = side_behind(lane, i)
                 end do
             end associate
         end do
@@ -156,9 +175,17 @@ contains
             type(event_entry) :: entry
 
             entry%kind = kind
-            entry%direction = nint(-self%guard_side(lane, i))
+            entry%direction = nint(side_behind(lane, i))
             call note_entry(self, t, y, lane, i, entry)
         end subroutine note
+
+        !> On which side a guard is behind its crossing. Before one that counts it may have crossed the other way within the step.
+        real(wp) function side_behind(lane, i)
+            integer, intent(in) :: lane, i
+
+            side_behind = -self%guard_side(lane, i)
+            if (self%guard_direction(i) /= 0) side_behind = self%guard_direction(i)
+        end function side_behind
     end subroutine tell_apart
 
     !> What is on its way out was thrown back a moment ago: rounding has its gap still closed.

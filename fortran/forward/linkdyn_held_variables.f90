@@ -2,7 +2,7 @@
 !> stops first.
 module linkdyn_held_variables
     use linkdyn_forward_state, only: state_layout
-    use linkdyn_joint_rates, only: joint_rate, coordinate_of
+    use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_joint_table, only: joint_spherical
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -98,12 +98,21 @@ contains
 
         do i = 1, size(rate, 2)
             associate (clutch => model%scene%clutch(i))
-                rate(:, i) = joint_rate(model, state, clutch%joint(1), clutch%variable(1), level)
-                if (clutch%n_side == 2) rate(:, i) = rate(:, i) &
-                    - clutch%ratio*joint_rate(model, state, clutch%joint(2), clutch%variable(2), level)
+                rate(:, i) = rate_of_side(model, state, clutch, 1, level)
+                if (clutch%n_side == 2) rate(:, i) = rate(:, i) - clutch%ratio*rate_of_side(model, state, clutch, 2, level)
             end associate
         end do
     end function slips
+
+    function rate_of_side(model, state, clutch, side, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(clutch_spec), intent(in) :: clutch
+        integer, intent(in) :: side, level
+        real(wp) :: rate(lanes)
+
+        rate = place_rate(model, state, model%scene%laws%measure(clutch%measure(side)), level)
+    end function rate_of_side
 
     !> Rates on both sides of a clutch of two.
     function speed_of_sides(model, state, i) result(speed)
@@ -114,9 +123,8 @@ contains
 
         speed = 0
         associate (clutch => model%scene%clutch(i))
-            if (clutch%n_side == 2) speed = &
-                abs(joint_rate(model, state, clutch%joint(1), clutch%variable(1), level_velocity)) &
-                + abs(clutch%ratio*joint_rate(model, state, clutch%joint(2), clutch%variable(2), level_velocity))
+            if (clutch%n_side == 2) speed = abs(rate_of_side(model, state, clutch, 1, level_velocity)) &
+                                            + abs(clutch%ratio*rate_of_side(model, state, clutch, 2, level_velocity))
         end associate
     end function speed_of_sides
 
@@ -127,6 +135,7 @@ contains
         integer :: k
 
         led_by = coordinate_of(model, clutch%joint(1), clutch%variable(1)) > 0
+        if (.not. led_by) return
         if (model%joint(clutch%joint(1))%told_kind == joint_spherical) &   ! turning about an axis changes all of its angles
             led_by = all([(coordinate_of(model, clutch%joint(1), k) > 0, k=1, 3)])
         if (clutch%n_side == 2) led_by = led_by .and. coordinate_of(model, clutch%joint(2), clutch%variable(2)) > 0

@@ -6,7 +6,7 @@
 module linkdyn_place_motion
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constants, only: two_pi
-    use linkdyn_joint_motion, only: marker_axis, variables_of_relative
+    use linkdyn_joint_motion, only: variables_of_relative
     use linkdyn_joint_rates, only: joint_rate, measure_variable
     use linkdyn_joint_table, only: joint_spherical
     use linkdyn_kinds, only: wp
@@ -17,13 +17,13 @@ module linkdyn_place_motion
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_scene, only: measure_spec, measure_joint, measure_marker, measure_distance, measure_tilt, measure_twist, &
-        least_openness, marker_axes_at
-    use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        measure_turn, least_openness, marker_axes_at, seeing_axes_at
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
     use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
-    public :: place_value, place_rate
+    public :: place_value, place_rate, standing_of
 
 contains
 
@@ -41,7 +41,7 @@ contains
             call measure_variable(model, state, spec%joint, spec%variable, spread(spec%near, 1, lanes), value, rate(:, 1))
         case (measure_marker)
             gap = gap_of(model, state, spec)
-            value = gap.dot.marker_axis(link_axes(model, state, spec%link(1)), spec%component)
+            value = gap.dot.seeing_axis(model, state, spec)
         case (measure_distance)
             gap = gap_of(model, state, spec)
             value = sqrt(gap.dot.gap)
@@ -54,6 +54,9 @@ contains
             y = directions_of(model, state, spec, 2)
             value = near(atan2((x(2) .dot.y(1)) - (y(2) .dot.x(1)), (x(2) .dot.x(1)) + (y(2) .dot.y(1))))
             where (.not. openness(directions_of(model, state, spec, 3)) > 0) value = ieee_value(1.0_wp, ieee_quiet_nan)
+        case (measure_turn)
+            angle = standing_of(model, state, spec)
+            value = angle(:, spec%component)
         case default
             call measure_attitude(model, state, spec, angle, rate)
             value = near(angle(:, spec%component))
@@ -81,18 +84,32 @@ contains
         case (measure_joint)
             rate = joint_rate(model, state, spec%joint, spec%variable, level)
         case (measure_marker)
-            rate = seen_motion(model, state, spec, level).dot.marker_axis(link_axes(model, state, spec%link(1)), spec%component)
+            rate = seen_motion(model, state, spec, level).dot.seeing_axis(model, state, spec)
         case (measure_distance)
             rate = distance_rate(model, state, spec, level)
         case (measure_tilt)
             rate = tilt_rate(model, state, spec, level)
         case (measure_twist)
             rate = twist_rate(model, state, spec, level)
+        case (measure_turn)
+            rate = seen_turning(model, state, spec, level).dot.seeing_axis(model, state, spec)
         case default
             of_angles = attitude_rate(model, state, spec, level)
             rate = of_angles(:, spec%component)
         end select
     end function place_rate
+
+    !> The axis of the first link of a measure, or of its marker, along which or about which it tells; world axes.
+    function seeing_axis(model, state, spec) result(axis)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        type(vec3) :: axis
+        real(wp) :: own(3, 3)                          ! link axes
+
+        own = seeing_axes_at(model%scene, spec%link(1), spec%marker(1))
+        axis = link_axes(model, state, spec%link(1)) .rotate.own(:, spec%component)
+    end function seeing_axis
 
     !> From one point of a measure to the other; the first is the origin of the link that sees, or a marker.
     function gap_of(model, state, spec) result(gap)
@@ -258,6 +275,41 @@ contains
 
         difference = link_turning(model, state, spec%link(2), level) - link_turning(model, state, spec%link(1), level)
     end function turning_apart
+
+    !> The same as the first link sees it, which turns.
+    function seen_turning(model, state, spec, level) result(difference)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        integer, intent(in) :: level
+        type(vec3) :: difference
+
+        difference = turning_apart(model, state, spec, level)
+        if (level == level_given) difference = difference - (link_turning(model, state, spec%link(1), level_velocity) &
+                                                             .cross.turning_apart(model, state, spec, level_velocity))
+    end function seen_turning
+
+    !> How the markers of a turn stand: roll, pitch and yaw of the first one as the second one sees it. The first two alone tell where the
+    !> first one's z is.
+    function standing_of(model, state, spec) result(angle)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(measure_spec), intent(in) :: spec
+        real(wp) :: angle(lanes, 3)
+        real(wp) :: rate(lanes, 3), own(3, 3)
+        type(mat3) :: axes(2)
+        integer :: side
+
+        do side = 1, 2
+            own = seeing_axes_at(model%scene, spec%link(side), spec%marker(side))
+            associate (r => link_axes(model, state, spec%link(side)))
+                axes(side)%x = r.rotate.own(:, 1)
+                axes(side)%y = r.rotate.own(:, 2)
+                axes(side)%z = r.rotate.own(:, 3)
+            end associate
+        end do
+        call variables_of_relative(joint_spherical, axes(2), axes(1), zero_vec3(), zero_vec3(), zero_vec3(), angle, rate)
+    end function standing_of
 
     !> Roll, pitch and yaw of the second link as the first one sees it, in (-pi, pi], and their rates.
     subroutine measure_attitude(model, state, spec, angle, rate)

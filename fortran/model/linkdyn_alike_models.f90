@@ -11,7 +11,7 @@ module linkdyn_alike_models
     use linkdyn_model, only: model_type
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
-    use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axis_at
+    use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axes_at
     use linkdyn_step_part, only: letters_of, bits_of, curve_text
     use linkdyn_text, only: listed
     implicit none (type, external)
@@ -116,7 +116,7 @@ contains
         end do
         do i = 1, n_clutch(model%scene)
             associate (clutch => model%scene%clutch(i))
-                text = text//" clutch"//listed([clutch%n_side, clutch%joint, clutch%variable, clutch%friction, clutch%lead]) &
+                text = text//" clutch"//listed([clutch%n_side, clutch%measure, clutch%friction, clutch%lead]) &
                        //bits_of([clutch%ratio])
             end associate
         end do
@@ -174,7 +174,7 @@ contains
                                                  spec%spring, spec%stop, merge(1, 0, spec%is_rate)])
                 do side = 1, 2
                     if (spec%marker(side) > 0) text = text//bits_of([marker_at(scene, spec%link(side), spec%marker(side)), &
-                                                                     marker_axis_at(scene, spec%link(side), spec%marker(side))])
+                                                                     marker_axes_at(scene, spec%link(side), spec%marker(side))])
                 end do
             end associate
         end do

@@ -17,9 +17,9 @@ module linkdyn_idle_spin
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, &
+        joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, n_clutch, &
         measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, measure_twist, &
-        marker_axis_at
+        measure_turn, marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -193,14 +193,28 @@ contains
             if (j > 0) is_idle = is_idle .and. .not. leads(j, model%scene%spring(i)%variable)
         end do
         do i = 1, n_stop(model%scene)
-            associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
-                if (measure%kind == measure_joint) is_idle = is_idle .and. .not. leads(measure%joint, measure%variable)
-                if (any(measure%kind == [measure_attitude, measure_twist])) is_idle = is_idle .and. .not. feels(measure%link)
-                if (measure%kind == measure_tilt) is_idle = is_idle .and. .not. (feels(measure%link) .and. leans(measure))
+            is_idle = is_idle .and. .not. turns(model%scene%laws%measure(model%scene%stop(i)%measure))
+        end do
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i))
+                if (clutch%friction > 0) cycle
+                do j = 1, clutch%n_side
+                    is_idle = is_idle .and. .not. turns(model%scene%laws%measure(clutch%measure(j)))
+                end do
             end associate
         end do
 
     contains
+
+        !> Does what pushes along a measure turn one of the links?
+        pure logical function turns(measure)
+            type(measure_spec), intent(in) :: measure
+
+            turns = .false.
+            if (measure%kind == measure_joint) turns = leads(measure%joint, measure%variable)
+            if (any(measure%kind == [measure_attitude, measure_twist, measure_turn])) turns = feels(measure%link)
+            if (measure%kind == measure_tilt) turns = feels(measure%link) .and. leans(measure)
+        end function turns
 
         !> Is one of two links among them?
         pure logical function feels(link)
@@ -347,19 +361,32 @@ contains
             end associate
         end do
         do i = 1, n_stop(model%scene)
-            associate (measure => model%scene%laws%measure(model%scene%stop(i)%measure))
-                if (.not. any(measure%kind == [measure_marker, measure_distance])) cycle
-                do side = 1, 2
-                    l = measure%link(side)
-                    if (all(spin%link /= l)) cycle
-                    if (distance_of(l, point_of(l, measure%marker(side))) <= exact*size_of(l)) cycle
-                    why = "stop "//quoted(model%scene%stop(i)%name)//" pushes "//quoted(model%link(l)%name)//" off it"
-                    return
-                end do
-            end associate
+            l = pushed_off_line(model%scene%laws%measure(model%scene%stop(i)%measure))
+            if (l == frame_link) cycle
+            why = "stop "//quoted(model%scene%stop(i)%name)//" pushes "//quoted(model%link(l)%name)//" off it"
+            return
+        end do
+        do i = 1, n_clutch(model%scene)
+            l = pushed_off_line(model%scene%laws%measure(model%scene%clutch(i)%measure(1)))
+            if (l == frame_link) cycle
+            why = "clutch "//quoted(model%scene%clutch(i)%name)//" holds "//quoted(model%link(l)%name)//" off it"
+            return
         end do
 
     contains
+
+        !> A link that spins and that forces along a measure push beside its line; the frame: none.
+        integer function pushed_off_line(measure) result(link)
+            type(measure_spec), intent(in) :: measure
+            integer :: side
+
+            do side = 1, 2
+                link = measure%link(side)
+                if (.not. any(measure%kind == [measure_marker, measure_distance]) .or. all(spin%link /= link)) cycle
+                if (distance_of(link, point_of(link, measure%marker(side))) > exact*size_of(link)) return
+            end do
+            link = frame_link
+        end function pushed_off_line
 
         !> A marker of a link; 0: its origin.
         pure function point_of(l, marker) result(point)

@@ -28,10 +28,10 @@ module linkdyn_scene
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table, law_over
-    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at, marker_frame
+    public :: measure_spec, state_law, law_book, takes_time, marker_axis_at, marker_axes_at, marker_frame, seeing_axes_at
     public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, &
-        measure_tilt, measure_twist, least_openness, is_place, loses_itself_at_pole
+        measure_tilt, measure_twist, measure_turn, least_openness, is_place, loses_itself_at_pole
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
@@ -72,13 +72,15 @@ module linkdyn_scene
     ! ---- what laws over the state depend on
     integer, parameter :: measure_time = 1         !! the instant
     integer, parameter :: measure_joint = 2        !! a variable of a joint
-    integer, parameter :: measure_marker = 3       !! a coordinate of a marker, in the axes of a link that sees it
+    integer, parameter :: measure_marker = 3       !! a coordinate of a marker, in the axes of a link that sees it, or of its marker
     integer, parameter :: measure_spring = 4       !! of a spring: by how much it is longer than at rest
     integer, parameter :: measure_touch = 5        !! of a side of a soft stop: 1 in contact, -1 apart, 0 where no run knows it
     integer, parameter :: measure_distance = 6     !! of two markers
     integer, parameter :: measure_attitude = 7     !! roll, pitch or yaw of a link, as another one sees it
     integer, parameter :: measure_tilt = 8         !! angle between the axes of two markers, 0 to pi
     integer, parameter :: measure_twist = 9        !! of one marker against another about their axes, once the tilt is taken back
+    integer, parameter :: measure_turn = 10        !! how one marker is turned against another, as a hold wants it: its rate is that
+                                                   !! about an axis of the first one
     !> 1 + the cosine of the angle between the axes of a twist, and the cosine of a ball's pitch: below, they are opposite, and at the
     !> pole, and what is told has less than three digits
     real(wp), parameter :: least_openness = 1000*epsilon(1.0_wp)
@@ -445,11 +447,12 @@ module linkdyn_scene
     end type stop_spec
 
     !> A clutch, brake or lock: it holds a joint variable, or two to each other, by what force it takes up to its capacity, and rubs
-    !> against their slip beyond. The slip is the rate of the first variable less `ratio` times that of the second.
+    !> against their slip beyond. The slip is the rate of the first variable less `ratio` times that of the second. What holds several
+    !> variables of a joint, or markers of two links to each other, is one for each, with an event that they share.
     type, extends(switch_spec) :: clutch_spec
         character(len=name_len) :: name = ""
         integer :: n_side = 1                     !! joint variables: 1 or 2
-        integer :: joint(2) = 0
+        integer :: joint(2) = 0                   !! 0: the measure is between markers
         integer :: variable(2) = 1                !! of these joints
         real(wp) :: ratio = 1
         logical :: is_positive = .true.           !! it has no capacity: it holds whatever comes, and never slips
@@ -457,11 +460,11 @@ module linkdyn_scene
         real(wp) :: static = 1                    !! what it holds over that
         character(len=4) :: unit = ""             !! "N" or "N m"
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
-        integer :: measure(2) = 0                 !! the joint variables
+        integer :: measure(2) = 0                 !! of what is held: joint variables, or how two markers stand to each other
         integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
         integer :: lead = 0                       !! of all whose joint variables rest and break loose together the first; itself: it
                                                   !! does so alone, or it is the first
-        integer :: event = 0                      !! whose formula is the slip; of several that go together they have one
+        integer :: event = 0                      !! whose formula is the slip; several that close together have one
         integer :: line = 0
     end type clutch_spec
 
@@ -718,6 +721,23 @@ contains
             axes = marker_frame(scene%link(link)%marker(marker))
         end if
     end function marker_axes_at
+
+    !> The axes in which one link sees another, in columns, own axes: the link's, or those of its marker. In a plane the axis of a marker is
+    !> its x.
+    pure function seeing_axes_at(scene, link, marker) result(axes)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link, marker            !! marker 0: the link's own
+        real(wp) :: axes(3, 3)
+
+        axes = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+        if (marker == 0) return
+        if (scene%planar) then
+            axes(:, 1) = marker_axis_at(scene, link, marker)
+            axes(:, 2) = cross(axes(:, 3), axes(:, 1))
+        else
+            axes = marker_axes_at(scene, link, marker)
+        end if
+    end function seeing_axes_at
 
     !> A marker's frame in columns: z along the axis, x as given, y completing it.
     pure function marker_frame(marker) result(frame)

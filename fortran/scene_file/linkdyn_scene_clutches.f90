@@ -1,20 +1,20 @@
-!> The tables [[clutch]] of a scene file: clutches, brakes and locks of joint variables, in forward runs.
+!> The tables [[clutch]] of a scene file: clutches, brakes and locks of joint variables, and what joins links, in forward runs.
 !>
-!> A clutch is an event besides, whose formula is its slip.
+!> A clutch is an event besides, whose formula is its slip. What is held together at once is a clutch for each part, and one event.
 module linkdyn_scene_clutches
     use linkdyn_formula, only: formula_node, add_node, node_number, node_symbol, node_subtract, node_multiply
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw, joint_universal, &
-        joint_spherical, joint_planar, joint_n_variable, variable_name
+    use linkdyn_joint_table, only: joint_universal, joint_spherical, joint_planar, joint_n_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec, joint_kind_name
+    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec
     use linkdyn_scene_brakes, only: read_switch, find_switch_event, switch_key
     use linkdyn_scene_forces, only: force_quantity
+    use linkdyn_scene_holds, only: held_part, parts_of_joint, read_parts_between
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, allow_keys, get_quantity, get_name
     use linkdyn_scene_laws, only: table_shelf
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_state_laws, only: add_joint_measure, read_force_law
+    use linkdyn_scene_state_laws, only: add_joint_measure, add_place_measure, read_force_law
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
@@ -24,7 +24,6 @@ module linkdyn_scene_clutches
     public :: read_clutches, add_sticking
 
     character(len=*), parameter :: joint_key(2) = [character(len=5) :: "joint", "to"]
-    character(len=*), parameter :: about_axis(3) = ["x", "y", "z"]
     character(len=*), parameter :: variable_key(2) = [character(len=11) :: "variable", "to_variable"]
 
 contains
@@ -37,6 +36,7 @@ contains
         type(repeated_tables) :: tables
         type(scene_place) :: place
         type(clutch_spec) :: clutch
+        type(held_part), allocatable :: part(:)
         integer :: i
 
         if (.not. status%is_ok()) return
@@ -51,24 +51,86 @@ contains
             place%what = "clutch "//quoted(clutch%name)
             if (any(scene%event%name == clutch%name)) &
                 call refuse(place, "there is an event or a clutch of that name (expected another name)", status)
-            call read_clutch(place, shelf, scene, clutch, status)
+            call read_clutch(place, shelf, scene, clutch, part, status)
             if (.not. status%is_ok()) return
-            call add_slip(clutch, shelf, scene)
+            if (size(part) == 0) then
+                call add_slip(clutch, shelf, scene)
+            else
+                call add_parts(place, clutch, part, shelf, scene, status)
+            end if
+            if (.not. status%is_ok()) return
         end do
     end subroutine read_clutches
 
-    subroutine read_clutch(place, shelf, scene, clutch, status)
+    subroutine read_clutch(place, shelf, scene, clutch, part, status)
         type(scene_place), intent(in) :: place
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(in) :: scene
         type(clutch_spec), intent(inout) :: clutch
+        type(held_part), allocatable, intent(out) :: part(:)   !! of what it holds at once; none: it holds one variable, or two
+        type(status_type), intent(inout) :: status
+
+        allocate (part(0))
+        call allow_keys(place, [character(len=11) :: "name", joint_key, variable_key, "between", "type", "ratio", "capacity", &
+                                "static", switch_key], status)
+        if (.not. status%is_ok()) return
+        if (has_key(place, "between")) then
+            call refuse_joint_keys(place, status)
+            if (status%is_ok()) call read_parts_between(place, scene, part, status)
+        else if (has_key(place, "type")) then
+            call refuse_value(place, "type", place%node%get("type"), "has no meaning at a joint (expected 'between')", status)
+        else
+            call read_at_joint(place, shelf, scene, clutch, part, status)
+        end if
+        call read_switch(place, clutch%switch_spec, status)
+        call find_switch_event(place, scene, "from_event", clutch%from_name, clutch%line, clutch%from_event, status)
+        call find_switch_event(place, scene, "until_event", clutch%until_name, clutch%line, clutch%until_event, status)
+    end subroutine read_clutch
+
+    logical function has_key(place, key)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(toml_node) :: node
+
+        node = place%node%get(key)
+        has_key = node%is_present()
+    end function has_key
+
+    !> Markers are held to each other whatever it takes.
+    subroutine refuse_joint_keys(place, status)
+        type(scene_place), intent(in) :: place
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: key(*) = [character(len=11) :: joint_key, variable_key, "ratio", "capacity", "static"]
+        integer :: i
+
+        do i = 1, size(key)
+            if (status%is_ok() .and. has_key(place, trim(key(i)))) call refuse_value(place, trim(key(i)), &
+                place%node%get(trim(key(i))), "has no meaning between markers, which are held to each other whatever it takes "// &
+                "(expected either 'between' or 'joint')", status)
+        end do
+    end subroutine refuse_joint_keys
+
+    !> What holds one variable of a joint, two variables to each other, or all variables of a joint.
+    subroutine read_at_joint(place, shelf, scene, clutch, part, status)
+        type(scene_place), intent(in) :: place
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(clutch_spec), intent(inout) :: clutch
+        type(held_part), allocatable, intent(inout) :: part(:)
         type(status_type), intent(inout) :: status
         type(quantity_type) :: quantity
         type(toml_node) :: node
         logical :: has_ratio, has_static
+        integer :: n
 
-        call allow_keys(place, [character(len=11) :: "name", joint_key, variable_key, "ratio", "capacity", "static", &
-                                switch_key], status)
+        call find_joint(scene, place, clutch%joint(1), status)
+        if (.not. status%is_ok()) return
+        n = joint_n_variable(scene%joint(clutch%joint(1))%kind)
+        if (n > 1 .and. .not. (has_key(place, "variable") .or. has_key(place, "to") .or. has_key(place, "capacity"))) then
+            call refuse_alone(["to_variable", "ratio      ", "static     "])
+            if (status%is_ok()) part = parts_of_joint(scene, clutch%joint(1), n)
+            return
+        end if
         call read_sides(place, scene, clutch, status)
         if (.not. status%is_ok()) return
         call get_quantity(place, "ratio", plain_number, clutch%ratio, status, has_ratio)
@@ -97,10 +159,21 @@ contains
             call refuse_value(place, "static", place%node%get("static"), "= "//to_text(clutch%static)// &
                 " (expected 1 or more: what it holds, over what it takes when it slips)", status)
         end if
-        call read_switch(place, clutch%switch_spec, status)
-        call find_switch_event(place, scene, "from_event", clutch%from_name, clutch%line, clutch%from_event, status)
-        call find_switch_event(place, scene, "until_event", clutch%until_name, clutch%line, clutch%until_event, status)
-    end subroutine read_clutch
+
+    contains
+
+        !> Keys that ask for others.
+        subroutine refuse_alone(key)
+            character(len=*), intent(in) :: key(:)
+            integer :: i
+
+            do i = 1, size(key)
+                if (status%is_ok() .and. has_key(place, trim(key(i)))) call refuse_value(place, trim(key(i)), &
+                    place%node%get(trim(key(i))), "has no meaning where all variables of joint "// &
+                    quoted(scene%joint(clutch%joint(1))%name)//" are held (expected 'variable')", status)
+            end do
+        end subroutine refuse_alone
+    end subroutine read_at_joint
 
     !> One joint variable, or two that are of one kind.
     subroutine read_sides(place, scene, clutch, status)
@@ -117,15 +190,15 @@ contains
         do k = 1, clutch%n_side
             call find_joint(scene, place, clutch%joint(k), status, trim(joint_key(k)))
             if (.not. status%is_ok()) return
-            call find_variable(scene, place, clutch%joint(k), clutch%variable(k), status, trim(variable_key(k)))
-            if (.not. status%is_ok()) return
             associate (joint => scene%joint(clutch%joint(k)))
-                if (all(joint%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])) then
-                    call refuse_value(place, trim(joint_key(k)), place%node%get(trim(joint_key(k))), "is a "// &
-                        trim(joint_kind_name(joint%kind))//" joint (expected a revolute, prismatic, cylindrical or screw joint)", &
+                if (joint%kind == joint_spherical) then
+                    call refuse_value(place, trim(joint_key(k)), place%node%get(trim(joint_key(k))), "is a spherical joint, "// &
+                        "which is held as a whole (expected a joint of another type, or no 'variable', 'to' and 'capacity')", &
                         status)
                     return
                 end if
+                call find_variable(scene, place, clutch%joint(k), clutch%variable(k), status, trim(variable_key(k)))
+                if (.not. status%is_ok()) return
                 quantity(k) = variable_quantity(joint%kind, clutch%variable(k))
             end associate
         end do
@@ -152,43 +225,31 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(clutch_spec) :: clutch
-        type(quantity_type) :: quantity
-        character(len=len(variable_name)) :: part
-        integer :: k, n, first
+        type(held_part), allocatable :: part(:)
+        integer :: k, n
 
-        first = size(scene%clutch) + 1
+        clutch%friction = number
+        clutch%is_positive = .false.
+        clutch%line = friction%line
         associate (joint => scene%joint(friction%joint))
+            clutch%name = joint%name
             n = joint_n_variable(joint%kind)
             if (joint%kind == joint_planar .and. .not. friction%radius > 0) n = 2  ! nothing keeps its plate from turning
+            part = parts_of_joint(scene, friction%joint, n)
+            if (n > 1 .and. joint%kind /= joint_universal) then
+                call refuse_taken(joint%name)
+                if (status%is_ok()) call add_parts(place, clutch, part, shelf, scene, status)
+                return
+            end if
+            clutch%joint(1) = friction%joint
             do k = 1, n
-                part = variable_name(k, joint%kind)
-                if (joint%kind == joint_spherical) part = about_axis(k)
-                if (n == 1) then
-                    clutch%name = joint%name
-                else if (len_trim(joint%name) + 1 + len_trim(part) > len(clutch%name)) then
-                    call refuse(place, "sticks along several variables, whose names follow that of the joint (expected a "// &
-                        "shorter one)", status)
-                    return
-                else
-                    clutch%name = trim(joint%name)//"."//part
-                end if
-                clutch%joint(1) = friction%joint
-                clutch%variable(1) = k
-                clutch%friction = number
-                clutch%is_positive = .false.
-                clutch%line = friction%line
-                quantity = force_quantity(joint%kind, k)
-                clutch%unit = quantity%unit(:4)
-                quantity = variable_quantity(joint%kind, k)
-                clutch%slip_unit = trim(quantity%unit)//"/s"
-                if (n == 1 .or. joint%kind == joint_universal) then
-                    call refuse_taken(clutch%name)
-                    if (status%is_ok()) call add_slip(clutch, shelf, scene)
-                else
-                    if (k == 1) call refuse_taken(joint%name)
-                    if (status%is_ok()) call add_part(clutch, joint%name, first, shelf, scene)
-                end if
+                if (n > 1) call name_part(place, joint%name, part(k), clutch%name, status)
+                if (status%is_ok()) call refuse_taken(clutch%name)
                 if (.not. status%is_ok()) return
+                clutch%variable(1) = k
+                clutch%unit = part(k)%of_force%unit(:4)
+                clutch%slip_unit = trim(part(k)%of_place%unit)//"/s"
+                call add_slip(clutch, shelf, scene)
             end do
         end associate
 
@@ -202,27 +263,53 @@ contains
         end subroutine refuse_taken
     end subroutine add_sticking
 
-    !> One of several joint variables that slip as one: the first has the event, which is looked at as a whole.
-    subroutine add_part(clutch, name, first, shelf, scene)
-        type(clutch_spec), intent(inout) :: clutch
-        character(len=*), intent(in) :: name           !! of the joint
-        integer, intent(in) :: first                   !! of these clutches
+    !> Parts have the name of the whole and their own behind a dot.
+    subroutine name_part(place, whole, part, name, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: whole
+        type(held_part), intent(in) :: part
+        character(len=*), intent(out) :: name
+        type(status_type), intent(inout) :: status
+
+        name = trim(whole)//"."//part%name
+        if (len_trim(whole) + 1 + len_trim(part%name) > len(name)) call refuse(place, "holds several parts, whose names "// &
+            "follow "//quoted(whole)//" (expected a shorter name)", status)
+    end subroutine name_part
+
+    !> What is held together: a clutch for each part, and an event of the name of the whole, which is looked at as such. Where they rub, they do
+    !> along one surface.
+    subroutine add_parts(place, whole, part, shelf, scene, status)
+        type(scene_place), intent(in) :: place
+        type(clutch_spec), intent(in) :: whole
+        type(held_part), intent(in) :: part(:)
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(clutch_spec) :: clutch
         type(event_spec) :: event
+        integer :: k, first
 
-        call add_joint_measure(scene, clutch%joint(1), clutch%variable(1), 0.0_wp, .false., shelf, clutch%measure(1))
-        clutch%lead = first
-        if (first == size(scene%clutch) + 1) then
-            event%name = name
-            event%line = clutch%line
-            event%clutch = first
-            call add_node(event%formula, formula_node(node_number, number=1.0_wp))
-            scene%event = [scene%event, event]
-        end if
-        clutch%event = size(scene%event)
-        scene%clutch = [scene%clutch, clutch]
-    end subroutine add_part
+        first = size(scene%clutch) + 1
+        event%name = whole%name
+        event%line = whole%line
+        event%clutch = first
+        call add_node(event%formula, formula_node(node_number, number=1.0_wp))
+        scene%event = [scene%event, event]
+        do k = 1, size(part)
+            clutch = whole
+            call name_part(place, whole%name, part(k), clutch%name, status)
+            if (.not. status%is_ok()) return
+            clutch%joint(1) = part(k)%place%joint
+            clutch%variable(1) = part(k)%place%variable
+            clutch%unit = part(k)%of_force%unit(:4)
+            clutch%slip_unit = trim(part(k)%of_place%unit)//"/s"
+            clutch%event = size(scene%event)
+            clutch%lead = first
+            if (clutch%is_positive) clutch%lead = size(scene%clutch) + 1   ! each holds what it has to
+            call add_place_measure(scene, part(k)%place, 0.0_wp, .false., shelf, clutch%measure(1))
+            scene%clutch = [scene%clutch, clutch]
+        end do
+    end subroutine add_parts
 
     !> The slip as an event, and the joint variables measured.
     subroutine add_slip(clutch, shelf, scene)

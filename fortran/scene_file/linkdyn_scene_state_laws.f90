@@ -10,7 +10,7 @@ module linkdyn_scene_state_laws
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, law_spec, state_law, measure_spec, name_len, coordinate_joint, frame_link, measure_time, &
         measure_joint, measure_marker, measure_spring, measure_touch, measure_distance, measure_attitude, measure_tilt, &
-        measure_twist, law_over
+        measure_twist, measure_turn, law_over
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         get_quantity, get_name, get_text, get_word, get_flag, text_of
@@ -181,7 +181,7 @@ contains
         type(quantity_type) :: quantity
 
         quantity = length
-        if (any(measure%kind == [measure_attitude, measure_tilt, measure_twist])) quantity = angle
+        if (any(measure%kind == [measure_attitude, measure_tilt, measure_twist, measure_turn])) quantity = angle
         if (measure%kind == measure_joint) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
     end function measure_quantity
 

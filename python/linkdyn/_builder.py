@@ -978,19 +978,23 @@ class Builder:
         self._add("stop", locals())
 
     def clutch(
-        self, name: str, joint: str | Joint, *, variable: str | None = None, to: str | Joint | None = None, to_variable: str | None = None,
-        ratio: Quantity | None = None, capacity: Law | None = None, static: Quantity | None = None, from_: Quantity | None = None,
+        self, name: str, joint: str | Joint | None = None, *, variable: str | None = None, to: str | Joint | None = None,
+        to_variable: str | None = None, between: Sequence[str] | None = None,
+        type: Literal["fixed", "spherical", "revolute", "cylindrical", "prismatic", "planar"] | None = None, ratio: Quantity | None = None, capacity: Law | None = None, static: Quantity | None = None, from_: Quantity | None = None,
         until: Quantity | None = None, from_event: str | None = None, until_event: str | None = None,
         begins: Literal["on", "off"] | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
-        """A clutch, brake, dry friction or lock of a joint variable, or between two of them, in forward runs.
+        """A clutch, brake, dry friction or lock of a joint variable, or between two of them, or what joins two links, in forward runs.
 
         Parameters
         ----------
         name
             Its name.
         joint, variable
-            The joint; which variable, if it has several.
+            The joint; which variable, if it has several. Default: all of them, without `capacity`.
+        between, type
+            Instead of a joint two markers ``"link.marker"``, held to each other as they stand where it closes: as a weld holds them, or as
+            a joint of that type would, with the axes of the first.
         to, to_variable
             The other joint; default: the clutch holds `joint` itself, as a brake does.
         ratio
