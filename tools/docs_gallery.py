@@ -27,7 +27,7 @@ GROUPS = {
     "Cams and slots": ("valve_train", "bucket_tappet", "thread_guide"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
-                  "stopped_rocker", "hill_start", "hoist", "loader_crane", "belt_drive", "fivebar_pick"),
+                  "stopped_rocker", "hill_start", "capture", "hoist", "loader_crane", "belt_drive", "fivebar_pick"),
 }
 HEAD = """\
 # Gallery
