@@ -110,6 +110,9 @@ contains
             similar%contact(i)%pass = model%contact(i)%pass
             similar%contact(i)%slant = model%contact(i)%slant
             similar%contact(i)%back = model%contact(i)%back
+            similar%contact(i)%carrier = model%contact(i)%carrier
+            similar%contact(i)%way = model%contact(i)%way
+            similar%contact(i)%spin = merge(1.0_wp, scale, model%contact(i)%radius > 0)*model%contact(i)%spin
         end do
         do i = 1, model%n_q
             ! Angles have no size: they differ in the last place instead.

@@ -4,7 +4,7 @@ module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_belts, only: strand_forces
     use linkdyn_bodies, only: world_axes, omega_of, point_position
-    use linkdyn_contact, only: contact_type, is_mesh, lever_of, no_speed, slides_along_several, n_part, n_press, &
+    use linkdyn_contact, only: contact_type, is_mesh, is_bare, lever_of, no_speed, slides_along_several, n_part, n_press, &
         form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_cam, form_mesh, form_worm, &
         form_belt
     use linkdyn_cam, only: cam
@@ -16,8 +16,8 @@ module linkdyn_friction
         belt_wrench
     use linkdyn_value, only: value, constant, zero, one, is_zero, abs, sqrt, square, max, select, operator(+), &
         operator(-), operator(*), operator(/)
-    use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
-        operator(.cross.)
+    use linkdyn_vector, only: vector, rotation, vector_of, zero_vector, components, operator(+), operator(-), operator(*), &
+        operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
     public :: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts, pressing_force
@@ -71,8 +71,11 @@ contains
                 else if (contact%form == form_ball .or. contact%form == form_mesh) then
                     motion%axis = zero_vector()
                     motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
-                    if (contact%form == form_mesh) motion%way = way_of_power(mechanism, i)
-                    if (.not. all(is_zero(sense))) motion%turn = turn_one_way(mechanism, contact, sense, motion%turn)
+                    if (contact%form == form_mesh) then
+                        motion%way = way_of_power(mechanism, i)
+                    else if (.not. all(is_zero(sense))) then
+                        motion%turn = turn_one_way(mechanism, contact, sense, motion%turn)
+                    end if
                 else
                     motion%turning = bodies%body(link(contact%side))%turning
                     frame = told_marker_frame(mechanism, contact%joint, contact%side)
@@ -97,6 +100,7 @@ contains
                     end select
                 end if
             end associate
+            if (is_bare(contact) .and. .not. all(is_zero(sense))) call pass_one_way(mechanism, i, sense, motion)
             motion%square = contact%pass**2*(motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
         end associate
     end subroutine move_contact
@@ -222,6 +226,50 @@ contains
         end if
     end subroutine pass_belt
 
+    !> Surfaces that may stick of a joint without variables. What teeth lose hangs on which way power flows: while they are held it is not
+    !> asked for, and their force is what is felt.
+    subroutine pass_one_way(mechanism, i, sense, motion)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i                       !! contact
+        type(value), intent(in) :: sense(n_part)
+        type(contact_motion), intent(inout) :: motion
+        type(vector) :: way
+        type(value) :: rate(1)
+
+        way = surface_way(mechanism, i)
+        associate (contact => mechanism%model%contact(i))
+            if (contact%radius > 0) then
+                rate = one_way(contact, sense, [way.dot.motion%turn])
+                motion%turn = rate(1)*way
+            else
+                rate = one_way(contact, sense, [way.dot.motion%slide])
+                motion%slide = rate(1)*way
+            end if
+            if (is_mesh(contact) .and. contact%slant /= contact%back) &
+                motion%way = select(1.5_wp - abs(sense(1)), select(rate(1), one(), -one()), one())
+        end associate
+    end subroutine pass_one_way
+
+    !> Along which such surfaces slide, or about which wheels turn against each other: a unit vector, world axes. Of teeth and belts it is
+    !> fixed in the carrier.
+    function surface_way(mechanism, i) result(way)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i                       !! contact
+        type(vector) :: way
+
+        associate (contact => mechanism%model%contact(i), carrier => mechanism%model%contact(i)%carrier, bodies => mechanism%bodies)
+            if (contact%form == form_cam) then
+                way = zero_vector()
+                select type (kind => mechanism%kind(contact%joint)%is)
+                class is (cam)
+                    way = kind%roller_way(pair_of(mechanism, contact%joint))
+                end select
+            else
+                way = turned(bodies, mechanism%own(carrier)%r.rotate.vector_of(contact%way), bodies%body(carrier)%turning, 0)
+            end if
+        end associate
+    end function surface_way
+
     !> The rates of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
     !> rounding it is taken to slide at a speed that is none. What goes across stays as it is.
     function one_way(contact, sense, rate) result(r)
@@ -294,7 +342,7 @@ contains
     end function friction_wrench
 
     !> What holds a joint variable that sticks, by its force there. A thread holds along its surface, as it would rub: what presses its
-    !> flanks is then the reaction.
+    !> flanks is then the reaction. So do teeth, belts and cams, which have no variables.
     function holding_wrench(mechanism, joint, variable, force) result(acting)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: joint, variable
@@ -302,6 +350,11 @@ contains
         type(acting_type) :: acting
         integer :: i
 
+        i = findloc(mechanism%model%contact%joint, joint, dim=1)
+        if (is_bare(mechanism%model%contact(i))) then
+            acting = holding_surface(mechanism, i, force)
+            return
+        end if
         acting = at_joint_variable(mechanism, joint, variable, force)
         do i = 1, size(mechanism%model%contact)
             associate (contact => mechanism%model%contact(i))
@@ -312,6 +365,27 @@ contains
             end associate
         end do
     end function holding_wrench
+
+    !> What holds the surfaces of a joint without variables, where and as they would rub.
+    function holding_surface(mechanism, i, force) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i                       !! contact
+        type(value), intent(in) :: force               !! [N, N m]
+        type(acting_type) :: acting
+        type(contact_motion) :: motion
+        type(value) :: smooth(n_part)
+
+        smooth = zero()
+        call move_contact(mechanism, i, smooth, motion)
+        acting%joint = mechanism%model%contact(i)%joint
+        if (mechanism%model%contact(i)%radius > 0) then
+            acting%force = zero_vector()
+            acting%moment = force*surface_way(mechanism, i)
+        else
+            acting%force = force*surface_way(mechanism, i)
+            acting%moment = motion%arm.cross.acting%force
+        end if
+    end function holding_surface
 
     !> What a contact feels of its joint's reaction: as on lanes, the forces at both ends and one along the axis.
     function pressing_parts(mechanism, i, motion, reaction) result(press)

@@ -2,11 +2,12 @@
 !> sticks.
 module linkdyn_clutch_friction
     use linkdyn_clutch_states, only: clutch_states
-    use linkdyn_contact, only: contact_type, sliding_coefficient, lever_of, no_speed, part_of, holds_contact
+    use linkdyn_contact, only: contact_type, sliding_coefficient, lever_of, no_speed, part_of, holds_contact, is_mesh, &
+        pressing, n_press
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_equations, only: equations_type, equation_workspace
     use linkdyn_friction_state, only: pressing_forces
-    use linkdyn_joint_rates, only: joint_rate
+    use linkdyn_held_variables, only: slips
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_measures, only: find_laws
@@ -105,13 +106,12 @@ contains
         logical :: has_sense(lanes)
         integer :: i, k
 
-        slip = 0
         call pressing_forces(equations%rub, workspace%friction, press)
-        associate (of => clutches, state => workspace%state)
+        slip = slips(model, workspace%state, level_velocity)
+        associate (of => clutches)
             do i = 1, size(slip, 2)
                 associate (clutch => model%scene%clutch(i))
                     if (clutch%friction == 0) cycle
-                    slip(:, i) = joint_rate(model, state, clutch%joint(1), clutch%variable(1), level_velocity)
                     where (of%holds(:, i)) slip(:, i) = 0
                     of%capacity(:, i) = 0
                     where (.not. of%holds(:, i)) of%force(:, i) = 0
@@ -120,6 +120,7 @@ contains
             do k = 1, size(model%contact)
                 associate (contact => model%contact(k))
                     call look_along(contact)
+                    if (is_mesh(contact)) call press_as_held()
                     do i = 1, size(slip, 2)
                         associate (clutch => model%scene%clutch(i))
                             if (holds_contact(clutch, contact)) &
@@ -152,6 +153,22 @@ contains
                 if (lever(i) > 0) square = square + (lever(i)*slip(:, i) + missing*clutches%sense(:, i))**2
             end do
         end subroutine look_along
+
+        !> What presses teeth that are held by what they lose the way in which they would break loose, against what holds them: that hangs
+        !> on who would drive.
+        subroutine press_as_held()
+            real(wp) :: feels(n_press)
+            integer :: lane
+
+            do i = 1, size(slip, 2)
+                if (.not. holds_contact(model%scene%clutch(i), model%contact(k))) cycle
+                do lane = 1, lanes
+                    if (.not. clutches%holds(lane, i)) cycle
+                    feels = -sign(1.0_wp, clutches%force(lane, i))*workspace%friction%press(lane, :, k)
+                    press(lane, k) = pressing(model%contact(k), feels)
+                end do
+            end do
+        end subroutine press_as_held
 
         subroutine rub(contact, lever, sense, slip, holds, capacity, force)
             type(contact_type), intent(in) :: contact

@@ -72,7 +72,7 @@ contains
     end subroutine keep_what_is_held
 
     !> Of surfaces that slide along several joint variables it is looked out for how fast they still slide the way they did at the accepted
-    !> state: that vanishes when they come to rest.
+    !> state: that vanishes when they come to rest. Those of joints without variables tell themselves how they slip.
     subroutine see_surfaces(self, guard)
         class(forward_system), intent(in) :: self
         real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
@@ -82,12 +82,13 @@ contains
         integer :: i
 
         is_part = goes_with_others(self%model%scene)
-        if (.not. any(is_part)) return
+        if (.not. any(is_part .or. self%model%scene%clutch%is_bare)) return
         slip = slips(self%model, self%look, level_velocity)
         lever = slip_levers(self%model)
         do i = 1, size(slip, 2)
             associate (clutch => self%model%scene%clutch(i))
                 if (is_part(i) .and. clutch%lead == i) guard(:, clutch%event) = 0*guard(:, clutch%event)
+                if (clutch%is_bare) guard(:, clutch%event) = 0*guard(:, clutch%event) + slip(:, i)
             end associate
         end do
         do i = 1, size(slip, 2)

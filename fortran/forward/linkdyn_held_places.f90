@@ -29,7 +29,9 @@ contains
         call find_kept(model, state, about, here)
         do i = 1, size(off, 2)
             associate (clutch => model%scene%clutch(i), rounding => many*spacing(max(1.0_wp, abs(kept(:, i)))))
-                if (turns_as_ball(model, i)) then
+                if (clutch%is_bare) then               ! of surfaces no place tells how far they have slipped
+                    off(:, i) = 0
+                else if (turns_as_ball(model, i)) then
                     if (clutch%variable(1) == 1) off(:, i:i + 2) = turned_off(here(:, i:i + 2), kept(:, i:i + 2))
                 else if (model%scene%laws%measure(clutch%measure(1))%kind == measure_turn) then
                     off(:, i) = turned_from(model, state, i, kept)
@@ -79,7 +81,8 @@ contains
         associate (clutch => model%scene%clutch, measure => model%scene%laws%measure)
             was = 0
             do k = 1, size(clutch)
-                if (clutch(k)%event /= clutch(i)%event .or. measure(clutch(k)%measure(1))%kind /= measure_turn) cycle
+                if (clutch(k)%event /= clutch(i)%event) cycle
+                if (measure(clutch(k)%measure(1))%kind /= measure_turn) cycle
                 was(:, measure(clutch(k)%measure(1))%component) = kept(:, k)
             end do
             angle = standing_of(model, state, measure(clutch(i)%measure(1)))

@@ -11,6 +11,7 @@ module linkdyn_held_variables
     use linkdyn_place_motion, only: place_rate
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: clutch_spec, n_stop, n_clutch
+    use linkdyn_surface_slip, only: surface_slip, leads_slip, only_coordinate
     implicit none (type, external)
     private
     public :: held_accelerations, n_held, rates_held, measure_held, accelerations_with, away_from_stops, slips, &
@@ -111,7 +112,11 @@ contains
         integer, intent(in) :: side, level
         real(wp) :: rate(lanes)
 
-        rate = place_rate(model, state, model%scene%laws%measure(clutch%measure(side)), level)
+        if (clutch%is_bare) then
+            rate = surface_slip(model, state, clutch%joint(side), level)
+        else
+            rate = place_rate(model, state, model%scene%laws%measure(clutch%measure(side)), level)
+        end if
     end function rate_of_side
 
     !> Rates on both sides of a clutch of two.
@@ -128,12 +133,16 @@ contains
         end associate
     end function speed_of_sides
 
-    !> Are a clutch's joint variables coordinates?
+    !> Are a clutch's joint variables coordinates, or linear in them?
     pure logical function led_by(model, clutch)
         type(model_type), intent(in) :: model
         type(clutch_spec), intent(in) :: clutch
         integer :: k
 
+        if (clutch%is_bare) then
+            led_by = leads_slip(model, clutch%joint(1))
+            return
+        end if
         led_by = coordinate_of(model, clutch%joint(1), clutch%variable(1)) > 0
         if (.not. led_by) return
         if (model%joint(clutch%joint(1))%told_kind == joint_spherical) &   ! turning about an axis changes all of its angles
@@ -170,6 +179,7 @@ contains
             associate (clutch => model%scene%clutch(i))
                 if (clutch%n_side == 2) cycle
                 k = coordinate_of(model, clutch%joint(1), clutch%variable(1))
+                if (clutch%is_bare) k = only_coordinate(model, clutch%joint(1))
                 if (k == 0) cycle
                 if (layout%rate(k) == 0) cycle         ! it is driven
                 where (holds(:, i)) rate(:, k) = 0

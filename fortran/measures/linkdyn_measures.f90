@@ -66,6 +66,8 @@ contains
         call count_turns(model, about, measure)
         do i = 1, n_clutch(model%scene)
             associate (clutch => model%scene%clutch(i))
+                value(:, i) = 0                        ! of surfaces no place tells how far they have slipped
+                if (clutch%is_bare) cycle
                 value(:, i) = measure(:, clutch%measure(1))
                 if (clutch%n_side == 2) value(:, i) = value(:, i) - clutch%ratio*measure(:, clutch%measure(2))
             end associate

@@ -23,7 +23,7 @@ module linkdyn_place_motion
     use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
-    public :: place_value, place_rate, standing_of
+    public :: place_value, place_rate, standing_of, seen_motion
 
 contains
 

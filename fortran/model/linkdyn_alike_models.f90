@@ -140,7 +140,7 @@ contains
             associate (c => model%contact(i))
                 text = text//" contact"//listed([c%joint, c%form, c%side]) &
                        //bits_of([c%creep_speed, c%radius, c%length, c%preload, c%pitch, c%slant, c%back, c%pass, &
-                                c%slide_damping, c%turn_damping])
+                                c%way, c%spin(:, 1), c%spin(:, 2), c%slide_damping, c%turn_damping])
             end associate
         end do
     end function surfaces_text

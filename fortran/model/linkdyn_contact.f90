@@ -22,8 +22,8 @@ module linkdyn_contact
     use linkdyn_scene, only: scene_type, friction_spec, clutch_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, is_mesh, friction_of_speed, sliding_coefficient, no_speed, lever_of, &
-        part_of, holds_contact, slides_along_several, n_part, n_press, pressing, pressing_slope, has_settled, most_rounds
+    public :: contact_type, list_contacts, is_turning, is_mesh, is_bare, friction_of_speed, sliding_coefficient, no_speed, &
+        lever_of, part_of, holds_contact, slides_along_several, n_part, n_press, pressing, pressing_slope, has_settled, most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh, &
         form_worm, form_belt
 
@@ -65,6 +65,10 @@ module linkdyn_contact
         real(wp) :: back = 1                  !! the same while the second does
         real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it; of a belt
                                               !! that of the belt over that with which its wheels pass each other half way
+        integer :: carrier = 0                !! of teeth and belts that may stick: the link in which both wheels turn
+        real(wp) :: way(3) = 0                !! along which they slide, or about which their wheels turn against each other, as a
+                                              !! force above zero drives the second; carrier axes
+        real(wp) :: spin(3, 2) = 0            !! what the angular velocity of each wheel in the carrier adds to the speed along that [m]
         real(wp) :: slide_damping = 0         !! [N s/m]
         real(wp) :: turn_damping = 0          !! [N m s]
     end type contact_type
@@ -173,6 +177,14 @@ contains
         is_mesh = any(contact%form == [form_mesh, form_worm, form_belt])
     end function is_mesh
 
+    !> Surfaces of a joint that has no variables, teeth, a belt, a cam: what slips is told by the surfaces alone. With a `radius` wheels turn
+    !> against each other, without they slide.
+    elemental logical function is_bare(contact)
+        type(contact_type), intent(in) :: contact
+
+        is_bare = is_mesh(contact) .or. contact%form == form_cam
+    end function is_bare
+
     !> The coefficient of a surface that slides, however slowly.
     pure elemental real(wp) function sliding_coefficient(contact, speed) result(mu)
         type(contact_type), intent(in) :: contact
@@ -184,7 +196,8 @@ contains
     end function sliding_coefficient
 
     !> Speed of the surface over that of a joint variable along which it slides: `part` 1 is the first of them. Of hinges, guides and
-    !> threads there is one. The sum of squares over all of them is the square of the speed of the surface.
+    !> threads there is one; of a joint without variables that is how its surfaces pass each other. The sum of squares over all of them is the
+    !> square of the speed of the surface.
     pure elemental real(wp) function lever_of(contact, part) result(lever)
         type(contact_type), intent(in) :: contact
         integer, intent(in) :: part
@@ -197,6 +210,8 @@ contains
             if (part == 2) lever = 1
         case (form_plate)
             if (part < 3) lever = 1
+        case (form_cam, form_mesh, form_worm, form_belt)
+            if (.not. contact%radius > 0) lever = contact%pass
         end select
     end function lever_of
 

@@ -249,12 +249,14 @@ contains
             power(1) = -dot_product(gear%couple(:, 1), wheel(1)%axis)
             power(2) = dot_product(gear%couple(:, 2), wheel(2)%axis)
             if (joint%kind == joint_rack) power(2) = dot_product(gear%direction, wheel(2)%axis)
-            allocate (gear%weight(model%n_variable), source=0.0_wp)
+            allocate (gear%weight(model%n_variable), gear%pace(model%n_variable, 2), source=0.0_wp)
             do side = 1, 2
                 call add_way(model, ways(side), gear%carrier, power(side), gear%weight)
+                call add_way(model, ways(side), gear%carrier, (2*side - 3)*power(side), gear%pace(:, side))
+                gear%marker(:, side) = wheel(side)%point
+                if (side == 1 .or. joint%kind /= joint_rack) gear%spin(:, side) = (2*side - 3)*wheel(side)%axis/power(side)
             end do
-            if (joint%told_kind /= joint_belt .and. .not. is_worm(model, j)) &
-                gear%curvature = curvatures(wheel, power, joint%kind == joint_rack)
+            if (joint%told_kind /= joint_belt .and. .not. is_worm(model, j)) gear%curvature = curvatures(gear%spin)
             gear%second = power(2)
             gear%total = power(2)*model%scene%joint(j)%phase
         end associate
@@ -278,16 +280,11 @@ contains
     end subroutine plan_gear
 
     !> Of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one against the other.
-    pure function curvatures(wheel, power, is_rack) result(c)
-        type(wheel_type), intent(in) :: wheel(2)
-        real(wp), intent(in) :: power(2)           !! of a unit force for unit rates
-        logical, intent(in) :: is_rack             !! the second does not turn
+    pure function curvatures(spin) result(c)
+        real(wp), intent(in) :: spin(3, 2)         !! their angular velocities [1/m]
         real(wp) :: c(2)
-        real(wp) :: spin(3, 2), along(3)
+        real(wp) :: along(3)
 
-        spin(:, 1) = -wheel(1)%axis/power(1)
-        spin(:, 2) = 0
-        if (.not. is_rack) spin(:, 2) = wheel(2)%axis/power(2)
         along = spin(:, 2) - spin(:, 1)
         along = along/norm2(along)
         c = [-dot_product(along, spin(:, 1)), dot_product(along, spin(:, 2))]

@@ -367,6 +367,7 @@ contains
             return
         end do
         do i = 1, n_clutch(model%scene)
+            if (model%scene%clutch(i)%is_bare) cycle   ! wheels and cams are led
             l = pushed_off_line(model%scene%laws%measure(model%scene%clutch(i)%measure(1)))
             if (l == frame_link) cycle
             why = "clutch "//quoted(model%scene%clutch(i)%name)//" holds "//quoted(model%link(l)%name)//" off it"

@@ -13,6 +13,7 @@
 module linkdyn_mesh_losses
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type, is_mesh, form_worm, form_belt
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_scene, only: joint_spec, joint_kind_name
@@ -26,7 +27,7 @@ module linkdyn_mesh_losses
 
 contains
 
-    !> Fill in `radius`, `slant` and `back` of the contacts that are teeth.
+    !> Fill in `radius`, `slant` and `back` of the contacts that are teeth or belts, and along what they slide where they may stick.
     subroutine shape_meshes(model, status)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
@@ -46,9 +47,53 @@ contains
                 else
                     call shape_by_teeth(model%gear(model%joint(j)%gear), model%scene%joint(j), model%contact(i), status)
                 end if
+                if (model%scene%friction(k)%sticks .and. status%is_ok()) call find_way(wheels_of(model, j), model%contact(i))
             end associate
         end do
     end subroutine shape_meshes
+
+    pure type(gear_type) function wheels_of(model, j) result(gear)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j                       !! joint
+
+        if (model%joint(j)%gear > 0) then
+            gear = model%gear(model%joint(j)%gear)
+        else
+            gear = model%belt(model%joint(j)%belt)%gear
+        end if
+    end function wheels_of
+
+    !> While pitch circles go round wheels turn against each other; a worm's thread slides on its wheel, and the wheels of an open belt pass
+    !> each other half way between their axes.
+    pure subroutine find_way(gear, contact)
+        type(gear_type), intent(in) :: gear
+        type(contact_type), intent(inout) :: contact   !! the rest of it is known
+        real(wp) :: sense(2), arm(3, 2), way(3)
+        integer :: side
+
+        sense = [-1, 1]
+        do side = 1, 2
+            arm(:, side) = gear%pitch - gear%marker(:, side)
+        end do
+        if (contact%form == form_belt) then
+            if (.not. contact%radius > 0) sense = 1
+            arm = spread((gear%marker(:, 1) - gear%marker(:, 2))/2, 2, 2)
+        end if
+        way = 0
+        do side = 1, 2
+            if (contact%radius > 0) then
+                way = way + sense(side)*gear%spin(:, side)
+            else
+                way = way + sense(side)*cross(gear%spin(:, side), arm(:, side))
+            end if
+        end do
+        contact%carrier = gear%carrier
+        contact%way = way/norm2(way)
+        do side = 1, 2
+            contact%spin(:, side) = sense(side)*contact%way
+            if (.not. contact%radius > 0) contact%spin(:, side) = cross(arm(:, side), contact%spin(:, side))
+        end do
+    end subroutine find_way
 
     !> The speed is that of the belt. Wheels of an open one pass each other half way with (c1 + c2) of it times half their distance.
     subroutine shape_belt(model, j, efficiency, contact, status)
@@ -59,11 +104,7 @@ contains
         type(status_type), intent(inout) :: status
         type(gear_type) :: gear
 
-        if (model%joint(j)%gear > 0) then
-            gear = model%gear(model%joint(j)%gear)
-        else
-            gear = model%belt(model%joint(j)%belt)%gear
-        end if
+        gear = wheels_of(model, j)
         call shape_by_efficiency(efficiency, gear, model%scene%joint(j), contact, status)
         if (model%scene%joint(j)%is_turned_over) return
         contact%pass = 2*contact%radius/gear%distance

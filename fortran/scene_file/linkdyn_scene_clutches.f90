@@ -3,9 +3,9 @@
 !> A clutch is an event besides, whose formula is its slip. What is held together at once is a clutch for each part, and one event.
 module linkdyn_scene_clutches
     use linkdyn_formula, only: formula_node, add_node, node_number, node_symbol, node_subtract, node_multiply
-    use linkdyn_joint_table, only: joint_universal, joint_spherical, joint_planar, joint_n_variable
+    use linkdyn_joint_table, only: joint_universal, joint_spherical, joint_planar, joint_gear, joint_rack, joint_belt, joint_n_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec
+    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec, joint_spec
     use linkdyn_scene_brakes, only: read_switch, find_switch_event, switch_key
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_holds, only: held_part, parts_of_joint, read_parts_between
@@ -216,7 +216,8 @@ contains
     end subroutine read_sides
 
     !> Friction that sticks is a clutch, which has the joint's name; of joints with several variables one for each, with the name of that
-    !> behind a dot. Where they rub along one surface they go together, and have one event, of the joint's name.
+    !> behind a dot. Where they rub along one surface they go together, and have one event, of the joint's name. Of joints without variables
+    !> it holds what slips there.
     subroutine add_sticking(place, friction, number, shelf, scene, status)
         type(scene_place), intent(in) :: place
         type(friction_spec), intent(in) :: friction
@@ -234,6 +235,11 @@ contains
         associate (joint => scene%joint(friction%joint))
             clutch%name = joint%name
             n = joint_n_variable(joint%kind)
+            if (n == 0) then
+                call refuse_taken(joint%name)
+                if (status%is_ok()) call add_surfaces(joint, friction%joint, clutch, scene)
+                return
+            end if
             if (joint%kind == joint_planar .and. .not. friction%radius > 0) n = 2  ! nothing keeps its plate from turning
             part = parts_of_joint(scene, friction%joint, n)
             if (n > 1 .and. joint%kind /= joint_universal) then
@@ -263,6 +269,38 @@ contains
         end subroutine refuse_taken
     end subroutine add_sticking
 
+    !> What slips between teeth, at a belt or a cam: an event of the joint's name, which is looked at as such.
+    subroutine add_surfaces(joint, j, clutch, scene)
+        type(joint_spec), intent(in) :: joint
+        integer, intent(in) :: j                       !! its number
+        type(clutch_spec), intent(inout) :: clutch
+        type(scene_type), intent(inout) :: scene
+
+        clutch%is_bare = .true.
+        clutch%joint(1) = j
+        clutch%unit = trim(merge("N m", "N  ", turns_at_teeth(joint)))
+        clutch%slip_unit = trim(merge("rad/s", "m/s  ", turns_at_teeth(joint)))
+        call add_event_of_whole(clutch, scene)
+        clutch%event = size(scene%event)
+        clutch%lead = size(scene%clutch) + 1
+        scene%clutch = [scene%clutch, clutch]
+    end subroutine add_surfaces
+
+    !> Do wheels turn against each other where teeth or a belt rub, or do surfaces slide: a worm's thread, an open belt's wheels where they
+    !> pass each other, a cam? As `is_bare` of `linkdyn_contact` has it.
+    pure logical function turns_at_teeth(joint)
+        type(joint_spec), intent(in) :: joint
+
+        select case (joint%kind)
+        case (joint_gear, joint_rack)
+            turns_at_teeth = joint%lead_angle == 0
+        case (joint_belt)
+            turns_at_teeth = joint%is_turned_over
+        case default
+            turns_at_teeth = .false.
+        end select
+    end function turns_at_teeth
+
     !> Parts have the name of the whole and their own behind a dot.
     subroutine name_part(place, whole, part, name, status)
         type(scene_place), intent(in) :: place
@@ -286,15 +324,10 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(clutch_spec) :: clutch
-        type(event_spec) :: event
         integer :: k, first
 
         first = size(scene%clutch) + 1
-        event%name = whole%name
-        event%line = whole%line
-        event%clutch = first
-        call add_node(event%formula, formula_node(node_number, number=1.0_wp))
-        scene%event = [scene%event, event]
+        call add_event_of_whole(whole, scene)
         do k = 1, size(part)
             clutch = whole
             call name_part(place, whole%name, part(k), clutch%name, status)
@@ -310,6 +343,19 @@ contains
             scene%clutch = [scene%clutch, clutch]
         end do
     end subroutine add_parts
+
+    !> An event without a formula of its own, of the clutches that come next.
+    subroutine add_event_of_whole(whole, scene)
+        type(clutch_spec), intent(in) :: whole
+        type(scene_type), intent(inout) :: scene
+        type(event_spec) :: event
+
+        event%name = whole%name
+        event%line = whole%line
+        event%clutch = size(scene%clutch) + 1
+        call add_node(event%formula, formula_node(node_number, number=1.0_wp))
+        scene%event = [scene%event, event]
+    end subroutine add_event_of_whole
 
     !> The slip as an event, and the joint variables measured.
     subroutine add_slip(clutch, shelf, scene)
