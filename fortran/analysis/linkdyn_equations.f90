@@ -33,6 +33,7 @@ module linkdyn_equations
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, drives_share, friction_is_shared
     use linkdyn_motion_measures, only: released_fit
+    use linkdyn_released_motion, only: released_joints_stay
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
@@ -323,13 +324,14 @@ contains
         if (equations%are_solved) then
             call solve_equations(model, equations, workspace)
         else
-            call judge_motion(model, workspace)
+            call judge_motion(model, .false., workspace)
         end if
     end subroutine solve_block
 
     !> What can be said of the lanes before any force is known.
-    subroutine judge_motion(model, workspace)
+    subroutine judge_motion(model, has_forces, workspace)
         type(model_type), intent(in) :: model
+        logical, intent(in) :: has_forces               !! accelerations count
         type(equation_workspace), intent(inout) :: workspace
         integer :: k
 
@@ -341,7 +343,8 @@ contains
         workspace%is_doubtful = .false.
         if (workspace%checks_accuracy) call flag_uncertain(model, workspace)
         if (model%share%n > 0) then
-            where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state)) workspace%status = sample_unreachable
+            where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state) &
+                   .or. .not. released_joints_stay(model, workspace%state, has_forces)) workspace%status = sample_unreachable
         end if
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
@@ -364,7 +367,7 @@ contains
         logical, intent(in), optional :: is_free_of_friction   !! how much contacts rub is found otherwise; absent: false
         logical :: rubs
 
-        call judge_motion(model, workspace)
+        call judge_motion(model, .true., workspace)
         workspace%n_loaded = 0
         call take_numbers(model, workspace%state, workspace%load, workspace%numbers)
         call find_sliding(model, equations, workspace)

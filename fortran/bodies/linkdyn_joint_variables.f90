@@ -10,7 +10,7 @@ module linkdyn_joint_variables
     implicit none (type, external)
     private
     public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable, &
-        variable_acceleration, move_pair
+        variable_acceleration, move_pair, accelerate_pair
     public :: within_half_a_turn
 
 contains
@@ -91,6 +91,36 @@ contains
         end associate
     end subroutine move_pair
 
+    !> The same of accelerations.
+    subroutine accelerate_pair(mechanism, j, pair, alpha, gap_acceleration)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(marker_pair), intent(in) :: pair
+        type(vector), intent(out) :: alpha, gap_acceleration    !! [rad/s2], [m/s2]
+        type(vector) :: omega, gap_rate, of_first
+
+        call move_pair(mechanism, j, pair, omega, gap_rate)
+        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
+            of_first = omega_of(bodies, link(1), world_axes)
+            alpha = alpha_of(bodies, link(2), world_axes) - alpha_of(bodies, link(1), world_axes) - (of_first.cross.omega)
+            gap_acceleration = felt_acceleration(mechanism, j, pair) - (of_first.cross.gap_rate) - (of_first.cross.gap_rate)
+        end associate
+    end subroutine accelerate_pair
+
+    !> How the second marker's point accelerates against the first link, which is felt there: without what Coriolis adds.
+    function felt_acceleration(mechanism, j, pair) result(acceleration)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(marker_pair), intent(in) :: pair
+        type(vector) :: acceleration                   !! [m/s2]
+
+        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
+            acceleration = point_acceleration(bodies, link(2), marker_point(mechanism, j, 2), world_axes) &
+                           - point_acceleration(bodies, link(1), marker_point(mechanism, j, 1), world_axes) &
+                           - field_times(acceleration_field(bodies, link(1), world_axes), pair%gap)
+        end associate
+    end function felt_acceleration
+
     !> One variable; an angle that is no coordinate, or one that stands in for another variable, is the one nearest to `target` of
     !> those that differ by full turns. Of an angle that a coordinate stands in for the turns are known.
     function variable_near(mechanism, j, variable, target) result(q)
@@ -140,10 +170,7 @@ contains
         pair = told_pair_of(mechanism, j)
         associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
             alpha = alpha_of(bodies, link(2), world_axes) - alpha_of(bodies, link(1), world_axes)
-            ! The first link is felt at the second's marker: what Coriolis adds is square to the axis.
-            gap_acceleration = point_acceleration(bodies, link(2), marker_point(mechanism, j, 2), world_axes) &
-                               - point_acceleration(bodies, link(1), marker_point(mechanism, j, 1), world_axes) &
-                               - field_times(acceleration_field(bodies, link(1), world_axes), pair%gap)
+            gap_acceleration = felt_acceleration(mechanism, j, pair)    ! what Coriolis adds is square to the axis
         end associate
         all = mechanism%told_kind(j)%is%rates(pair, alpha, gap_acceleration)
         qdd = all(variable)

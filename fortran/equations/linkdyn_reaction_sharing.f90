@@ -3,39 +3,28 @@
 !> The released mechanism is solved: x0. The joints as the scene has them make equations of the same links, of which whatever
 !> balances without a load is a state of self-stress, a column of N. Of all x0 + N z those with the least x C x are taken, as
 !> `linkdyn_shared_reactions` does from numbers; there is also what C is.
-!>
-!> That the joints fit which were let go is watched: how far they gape, whether an axis lies end for end, and the sums that gears
-!> keep which were let go for loops of joints. Who runs the record looks closer at samples that raise the alarm.
+!> That the joints fit which were let go `linkdyn_fit_watch` sees to.
 module linkdyn_reaction_sharing
     use linkdyn_acting, only: acting_type, turned
-    use linkdyn_constants, only: two_pi
     use linkdyn_force_system, only: force_unknowns, add_reactions, balance_links, reaction_of
-    use linkdyn_gear_gap, only: least_turn, sums_all_places
-    use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: make_joint_kind
-    use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal, is_geared, joint_loose, joint_prismatic, &
-        joint_revolute
-    use linkdyn_joint_variables, only: within_half_a_turn
+    use linkdyn_joint_table, only: along_z, along_normal, is_geared, joint_loose, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_layout, only: sparse_layout
     use linkdyn_least_squares, only: find_least
     use linkdyn_linear_form, only: linear_form, find_linear_form
-    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, must_be_positive, told_pair_of, marker_frame, &
-        marker_point, point_of_action
-    use linkdyn_model, only: model_type, gear_type, arm_type, holds_spin, is_released, scene_size, gapes
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, marker_frame, marker_point, point_of_action
+    use linkdyn_model, only: model_type, arm_type, is_released, scene_size
     use linkdyn_null_states, only: null_states, find_null_states
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_scene, only: share_by_stiffness
     use linkdyn_system, only: system_type, solved
-    use linkdyn_value, only: value, zero, is_zero, number_of, nearest_whole, operator(+), operator(-), operator(*), operator(/)
+    use linkdyn_value, only: value, zero, is_zero, number_of, operator(+), operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(.dot.), &
         operator(.cross.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: watch_fit, share_reactions
-
-    !> A joint gapes no more than this part of what it may: a record that says so agrees with whoever looks closer.
-    real(wp), parameter :: surely = 0.5_wp
+    public :: share_reactions
 
     integer, parameter :: of_force = 1, of_moment = 2
     integer, parameter :: across = 1, along = 2        !! the axis of the joint's marker
@@ -56,105 +45,6 @@ module linkdyn_reaction_sharing
     end type energy_parts
 
 contains
-
-    ! ---------------------------------------------------------------- do the joints fit?
-
-    !> Watch the joints that were let go, and the axes of all that share. Links are placed.
-    subroutine watch_fit(mechanism)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(marker_pair) :: pair
-        integer :: i, g
-
-        associate (model => mechanism%model)
-            do i = 1, size(model%share%joint)
-                associate (joint => model%joint(model%share%joint(i)), kind => mechanism%told_kind(model%share%joint(i))%is)
-                    if (is_geared(joint%told_kind) .or. holds_spin(joint)) cycle
-                    pair = told_pair_of(mechanism, model%share%joint(i))
-                    if (.not. model%is_planar) call watch_axes(mechanism, pair, kind%moments)
-                    if (is_released(joint)) call watch_gaps(mechanism, model%share%joint(i), pair)
-                end associate
-            end do
-            do g = 1, size(model%gear)
-                if (is_released(model%joint(model%gear(g)%joint)) .and. .not. model%gear(g)%follows) &
-                    call watch_gear(mechanism, model%gear(g))
-            end do
-        end associate
-    end subroutine watch_fit
-
-    !> No axis has come to lie end for end.
-    subroutine watch_axes(mechanism, pair, moments)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(marker_pair), intent(in) :: pair
-        integer, intent(in) :: moments                 !! one of `along_*`
-
-        if (all(moments /= [along_x_and_y, along_axes])) return
-        call must_be_positive(mechanism, pair%first%z.dot.pair%second%z)
-        if (moments == along_axes) call must_be_positive(mechanism, pair%first%x.dot.pair%second%x)
-    end subroutine watch_axes
-
-    !> Along the directions that the joint holds, small rotations as those that `linkdyn_constraint_rows` looks at.
-    subroutine watch_gaps(mechanism, j, pair)
-        type(mechanism_type), intent(inout) :: mechanism
-        integer, intent(in) :: j
-        type(marker_pair), intent(in) :: pair
-
-        associate (kind => mechanism%kind(j)%is, told => mechanism%told_kind(j)%is, a => pair%first, b => pair%second, &
-                   is_planar => mechanism%model%is_planar)
-            if (told%forces /= kind%forces) then
-                if (any(told%forces == [along_axes, along_x_and_y])) then
-                    call watch(a%x.dot.pair%gap, scene_size(mechanism%model))
-                    call watch(a%y.dot.pair%gap, scene_size(mechanism%model))
-                end if
-                if (any(told%forces == [along_axes, along_z])) call watch(a%z.dot.pair%gap, scene_size(mechanism%model))
-            end if
-            if (told%moments == kind%moments) return
-            select case (told%moments)
-            case (along_normal)
-                call watch(a%z.dot.b%z, 1.0_wp)
-            case (along_x_and_y)
-                call watch(a%x.dot.b%z, 1.0_wp)
-                call watch(a%y.dot.b%z, 1.0_wp)
-            case (along_axes)
-                call watch((a%z.dot.b%y) - (a%y.dot.b%z), 2.0_wp)
-                call watch((a%x.dot.b%z) - (a%z.dot.b%x), 2.0_wp)
-                call watch((a%y.dot.b%x) - (a%x.dot.b%y), 2.0_wp)
-            end select
-        end associate
-
-    contains
-
-        subroutine watch(gap, size)
-            type(value), intent(in) :: gap
-            real(wp), intent(in) :: size               !! by which it is measured
-
-            mechanism%watched = [mechanism%watched, (1/(surely*gapes*size))*gap]
-        end subroutine watch
-    end subroutine watch_gaps
-
-    !> The sum of joint variables that a gear keeps, but for whole turns.
-    subroutine watch_gear(mechanism, gear)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(gear_type), intent(in) :: gear
-        type(value) :: gap, variable(1)
-        real(wp) :: turn
-        integer :: j
-
-        if (sums_all_places(mechanism%model, gear)) return
-        gap = zero() - gear%total
-        do j = 1, mechanism%model%n_joint
-            associate (joint => mechanism%model%joint(j))
-                if (all(joint%told_kind /= [joint_revolute, joint_prismatic])) cycle
-                associate (weight => gear%weight(joint%first_variable + 1))
-                    if (.not. abs(weight) > 0) cycle
-                    variable = within_half_a_turn(mechanism, j)
-                    gap = gap + weight*variable(1)
-                end associate
-            end associate
-        end do
-        turn = two_pi*least_turn(mechanism%model, gear)
-        if (turn > 0) gap = gap - turn*nearest_whole((1/turn)*gap)
-        mechanism%watched = [mechanism%watched, (1/(surely*gapes*scene_size(mechanism%model)))*gap]
-    end subroutine watch_gear
 
     ! ---------------------------------------------------------------- how they share
 

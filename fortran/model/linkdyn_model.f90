@@ -16,13 +16,17 @@ module linkdyn_model
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: holds_spin, is_released, shared_reactions, gapes, friction_is_shared, feels_shares
+    public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, friction_is_shared, feels_shares
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
     real(wp), parameter :: gapes = 1.0e-6_wp
+    !> How fast its sides may part, over the speed of the links there, and how that may change, over their acceleration: as much as
+    !> a joint makes of it that gapes by little everywhere, or rounding near a dead point. One that fits in a pose alone parts as
+    !> fast as links move.
+    real(wp), parameter :: parts_slowly = 1.0e-5_wp, parts_gently = 1.0e-4_wp
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates

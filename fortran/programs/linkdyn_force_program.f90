@@ -1,11 +1,13 @@
 !> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
 !> eliminations inside.
 module linkdyn_force_program
-    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force, result_margin
+    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force, result_margin, &
+        result_position, result_rotation
+    use linkdyn_fit_watch, only: watch_fit, watch_parting
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
     use linkdyn_model, only: model_type, friction_is_shared
-    use linkdyn_reaction_sharing, only: watch_fit, share_reactions
+    use linkdyn_reaction_sharing, only: share_reactions
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
@@ -65,12 +67,22 @@ contains
     subroutine trace_redundancy(wanted, traced)
         integer, intent(in) :: wanted(:)           !! `result_*`
         type(traced_type), intent(inout) :: traced
-        logical :: shares
+        integer, parameter :: places(*) = [result_position, result_rotation, result_margin]
+        logical :: shares, moves
+        integer :: i
 
+        moves = .not. all([(any(wanted(i) == places), i=1, size(wanted))])
         associate (share => traced%mechanism%model%share)
             shares = share%n > 0 .and. (any(wanted == result_reaction) .or. (allocated(traced%contact) .and. &
                                                                             friction_is_shared(traced%mechanism%model)))
-            if (shares .or. (share%may_gape .and. all(wanted /= result_margin))) call watch_fit(traced%mechanism)
+            if (shares .or. (share%may_gape .and. all(wanted /= result_margin))) then
+                call watch_fit(traced%mechanism)
+                if (shares .or. any(needs_equations(wanted))) then
+                    call watch_parting(traced%mechanism, traced%system)
+                else if (moves) then
+                    call watch_parting(traced%mechanism)
+                end if
+            end if
         end associate
         if (.not. shares) return
         allocate (traced%shared(6, traced%mechanism%model%n_joint))
