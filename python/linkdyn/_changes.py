@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ._arguments import quoted_name
-from .errors import InputError
+from .errors import InputError, SceneError
 
 __all__ = ["changed"]
 
@@ -17,9 +17,11 @@ INDEXED = re.compile(r"(.+?)((?:\[-?\d+\])+)")
 _LABELS = {"coordinate": ("joint", "link", "marker"), "actuator": ("name", "joint"), "friction": ("joint",), "load": ("on",),
            "payload": ("on",), "controller": ("name", "actuator")}  # fmt: skip
 """What names the tables of a list; others have a name."""
+_NAMED = ("markers", "variables", "measures", "laws")
+"""Tables whose keys are names."""
 
 
-def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable[[Mapping[str, Any]], object]) -> dict[str, Any]:
     """A copy of a scene's content with other values.
 
     Parameters
@@ -29,20 +31,43 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     changes
         Path to new value, e.g. ``"link.crank.mass"``, ``"link.crank.cog[0]"`` or ``"actuator.J1.law"``. ``None`` takes the key out. A list of
         tables takes the path to its end too: ``"spring.S1"`` with a table puts or replaces that spring.
+    read
+        What reads a scene's content, and raises `SceneError` at an unknown key.
 
     Raises
     ------
     InputError
-        The path leads nowhere, or to a new variable that nothing refers to.
+        The path leads nowhere, or to a new variable or marker that nothing refers to; ``None`` for a key that no scene has.
     """
     result = copy.deepcopy(dict(scene))
+    idle = []
     for path, value in changes.items():
         if not path:
             raise InputError("with_: '' is no path (expected such as 'link.crank.mass')")
+        before = copy.deepcopy(result) if value is None else None
         _put(result, path, path, value)
+        if result == before:
+            idle.append(path)
+    for path in idle:
+        _refuse_misspelt(result, path, read)
     for path in changes:
         _refuse_idle_variable(scene, result, path)
+        _refuse_idle_marker(scene, result, path)
     return result
+
+
+def _refuse_misspelt(result: Mapping[str, Any], path: str, read: Callable[[Mapping[str, Any]], object]) -> None:
+    """What is to be taken out and is not there: fine, if the scene file has such a key. Its reader knows the keys."""
+    above, _, name = path.rpartition(".")
+    if above.rpartition(".")[2] in _NAMED:
+        raise InputError(f"with_: {quoted_name(path)} leads nowhere: there is no {quoted_name(name)} to take out")
+    trial = copy.deepcopy(dict(result))
+    _put(trial, path, path, {})
+    try:
+        read(trial)
+    except SceneError as error:
+        if f"unknown key {name!r}" in str(error):
+            raise InputError(f"with_: {quoted_name(path)} leads nowhere: {error}") from None
 
 
 def _refuse_idle_variable(scene: Mapping[str, Any], result: Mapping[str, Any], path: str) -> None:
@@ -53,6 +78,29 @@ def _refuse_idle_variable(scene: Mapping[str, Any], result: Mapping[str, Any], p
         return
     known = ", ".join(map(repr, variables)) or "none"
     raise InputError(f"with_: {quoted_name(path)} leads nowhere: nothing refers to a variable {quoted_name(name)} (expected one of {known})")
+
+
+def _refuse_idle_marker(scene: Mapping[str, Any], result: Mapping[str, Any], path: str) -> None:
+    """So is a new marker: what was to be moved stays where it is."""
+    table, _, name = path.rpartition(".markers.")
+    body = table.removeprefix("link.")
+    if not body or not name or INDEXED.fullmatch(name):
+        return
+    known = _link(scene, body).get("markers", {})
+    marker = re.compile(rf"{re.escape(name)}[#\d]*")                        # "#" and numbers: of copies
+    of_link = re.compile(rf"{re.escape(body)}[#\d]*\.{marker.pattern}")
+    if name in known or any(of_link.fullmatch(text) for text in _texts(result)):
+        return
+    if any(marker.fullmatch(text) for text in _texts(_link(result, body).get("elastic"))):
+        return
+    raise InputError(f"with_: {quoted_name(path)} leads nowhere: nothing refers to a marker {quoted_name(f'{body}.{name}')} (expected one of "
+                     f"{', '.join(map(repr, known)) or 'none'}; for one to look at, the whole table {quoted_name(table + '.markers')})")
+
+
+def _link(scene: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """The table of a link, or of the frame."""
+    links: list[Mapping[str, Any]] = [{"name": "frame"} | scene.get("frame", {}), *scene.get("link", [])]
+    return next((link for link in links if link.get("name") == name), {})
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -82,9 +130,10 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
         return
     inner = table.get(key)
     if not dot:
-        table[key] = value
         if value is None:
-            del table[key]
+            table.pop(key, None)
+        else:
+            table[key] = value
     elif isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner):
         _put_in_list(inner, key, below, path, value)
     elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction", "controller", "clutch"):

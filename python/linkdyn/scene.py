@@ -226,7 +226,7 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return self._variant(changed(self._content, self._with_units(paths)))
+        return self._variant(changed(self._content, self._with_units(paths), self._variant))
 
     def _variant(self, content: Mapping[str, Any]) -> Scene:
         """Another content, made of this scene's file."""

@@ -307,11 +307,40 @@ def test_a_simulator_is_told_where_it_is_put() -> None:
 @pytest.mark.parametrize(("path", "says"), [
     ("variables.cranck", "nothing refers to a variable 'cranck' .expected one of 'ground', 'crank'"),
     ("link.crank.cog[-1]", r"'cog' has 2 elements .the first is \[0\]"),
+    ("link.crank.markers.b", "nothing refers to a marker 'crank.b' .expected one of 'A', 'B'; for one to look at, the whole table 'link.crank.markers'"),
+    ("frame.markers.d", "nothing refers to a marker 'frame.d' .expected one of 'A', 'D'"),
 ])  # fmt: skip
 def test_a_path_that_changes_nothing_is_refused(path: str, says: str) -> None:
     """The first was taken, and the machine stayed as it was."""
     with pytest.raises(linkdyn.InputError, match=says):
         turning().with_({path: 0.2})
+
+
+@pytest.mark.parametrize(("path", "says"), [
+    ("link.crank.cogg", "link 'crank': unknown key 'cogg'; did you mean 'cog'"),
+    ("actuator.A.law.valu", "unknown key 'valu'"),
+    ("link.crank.markers.Q", "there is no 'Q' to take out"),
+    ("grravity", "unknown key 'grravity'; did you mean 'gravity'"),
+])  # fmt: skip
+def test_what_is_not_there_cannot_be_taken_out(path: str, says: str) -> None:
+    with pytest.raises(linkdyn.InputError, match=says):
+        turning().with_({path: None})
+
+
+def test_what_a_scene_may_have_can_be_taken_out_twice() -> None:
+    """Whoever takes a key out need not ask first whether it is there."""
+    scene = turning().with_({"link.crank.start": None, "link.crank.cog": None})
+    assert scene.with_({"link.crank.cog": None}).text == scene.text
+
+
+def test_a_new_marker_that_is_used() -> None:
+    """By name, by the name of a copy, or as one of a new table."""
+    load = {"on": "crank.tip", "force": [0.0, 1.0]}
+    assert turning().with_({"link.crank.markers.tip": [0.1, 0.0], "load.crank.tip": load}).inverse().linkdyn is not None
+    copied = {"at": [0.1, 0.0], "repeat": 3, "about": "z"}
+    assert turning().with_({"link.crank.markers.tip": copied, "load.crank.tip2": load | {"on": "crank.tip2"}}).inverse().linkdyn is not None
+    markers = {"A": [0, 0], "B": ["crank", 0], "looked_at": [0.3, 0.0]}
+    assert "looked_at" in turning().with_({"link.crank.markers": markers}).text
 
 
 def test_a_new_variable_that_is_used() -> None:
