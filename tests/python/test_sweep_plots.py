@@ -258,6 +258,15 @@ def test_refused(run, designed, call, message):
         call(run, designed)
 
 
+def test_designs_without_a_workspace_have_a_share():
+    """No coordinate is a length: nothing has a volume, and the picture is drawn all the same."""
+    axes = [{"parameter": "variables.rocker", "values": [0.34, 0.35]}, {"coordinate": "A", "linspace": [0.0, 6.0, 13]}]
+    run = linkdyn.new("four-bar").sweep({"axis": axes})
+    assert "feasible_volume" not in run
+    _, axis = plot.designs(run)
+    assert axis.get_xlabel().startswith("feasible")
+
+
 def test_a_front_of_one_design_is_a_ring() -> None:
     """The legend showed a line that was nowhere in the picture."""
     axes = [{"coordinate": "A", "linspace": [0.0, 6.0, 13]}, {"parameter": "variables.line", "values": [1.0, 2.0]}]

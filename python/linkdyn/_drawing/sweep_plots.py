@@ -667,7 +667,7 @@ def _bins(run: xr.Dataset, data: xr.Dataset, quantity: str) -> tuple[Any, Any, l
 
 
 @checked
-def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_volume") -> tuple[Figure, Axes]:
+def designs(run: xr.Dataset, cost: str = "driving_force", gain: str | None = None) -> tuple[Figure, Axes]:
     """Designs of a sweep against each other: a cost that should be small over a gain that should be large.
 
     The line joins the designs that no other one beats in both (the Pareto front); their parameters are written there.
@@ -679,7 +679,8 @@ def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_
     cost
         A reduced quantity: its worst over all entries and samples.
     gain
-        "feasible_volume" or "feasible_fraction", or a reduced quantity to be kept small, too ("condition").
+        "feasible_volume" or "feasible_fraction", or a reduced quantity to be kept small, too ("condition"). Without, the volume, or
+        the fraction where no coordinate of the sweep is a length.
 
     Returns
     -------
@@ -693,6 +694,7 @@ def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_
     need_sweep(run, "designs")
     if "design" not in run.dims:
         raise InputError("designs: one design only (expected a sweep with axes over parameters)")
+    gain = usual_gain(run) if gain is None else gain
     y, y_label = _score(run, cost)
     x, x_label = _score(run, gain)
     front = pareto_front(y, x if gain.startswith("feasible") else -x)
@@ -726,6 +728,11 @@ def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_
     axis.margins(0.08)
     put_heading(figure, _heading(run, "", f"{run.sizes['design']} designs"))
     return figure, axis
+
+
+def usual_gain(run: xr.Dataset) -> str:
+    """How much of the workspace a design reaches: a volume, if it has one."""
+    return "feasible_volume" if "feasible_volume" in run else "feasible_fraction"
 
 
 def pareto_front(cost: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.intp]:

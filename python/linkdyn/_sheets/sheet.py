@@ -488,7 +488,7 @@ def _comparison(run: xr.Dataset) -> Page:
     total, feasible = int(run.samples.sum()), int(run.outcome_count.values[:, 0].sum())
     page.lines = [f"{n} designs, {count_words(total)} samples, {count_words(feasible)} feasible ({_percent(feasible, total)})"]
     columns = _design_columns(run)
-    gain = "feasible_volume" if "feasible_volume" in run else "feasible_fraction"
+    gain = sweep_plots.usual_gain(run)
     front: list[int] = []
     if "driving_force_max" in run:
         cost, _ = sweep_plots._score(run, "driving_force")
