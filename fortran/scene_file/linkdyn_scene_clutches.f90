@@ -3,7 +3,8 @@
 !> A clutch is an event besides, whose formula is its slip. What is held together at once is a clutch for each part, and one event.
 module linkdyn_scene_clutches
     use linkdyn_formula, only: formula_node, add_node, node_number, node_symbol, node_subtract, node_multiply
-    use linkdyn_joint_table, only: joint_universal, joint_spherical, joint_planar, joint_gear, joint_rack, joint_belt, joint_n_variable
+    use linkdyn_joint_table, only: joint_universal, joint_spherical, joint_planar, joint_gear, joint_rack, joint_belt, &
+        joint_n_variable
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec, joint_spec
     use linkdyn_scene_brakes, only: read_switch, find_switch_event, switch_key
