@@ -343,8 +343,10 @@ contains
         workspace%is_doubtful = .false.
         if (workspace%checks_accuracy) call flag_uncertain(model, workspace)
         if (model%share%n > 0) then
-            where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state) &
-                   .or. .not. released_joints_stay(model, workspace%state, has_forces)) workspace%status = sample_unreachable
+            where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state)) workspace%status = sample_unreachable
+            ! rates at a singular position tell nothing
+            where (workspace%status == sample_ok .and. .not. released_joints_stay(model, workspace%state, has_forces)) &
+                workspace%status = sample_unreachable
         end if
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable

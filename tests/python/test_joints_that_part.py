@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 from numpy.typing import NDArray
+from test_redundancy import bennett
 
 Array = NDArray[np.float64]
 RADIUS, ROD, YAW = 0.4, 1.0, 0.6
@@ -91,3 +92,11 @@ def test_the_same_at_rest() -> None:
     weight = 9.81 * (3.0 + 4 * 0.5)
     on_frame = run.reaction.sel(joint=[f"U{i}" for i in range(4)]).values[0]
     assert abs(on_frame[:, 2].sum() - weight) < 1e-10 * weight
+
+
+def test_a_folded_loop_is_singular() -> None:
+    """Where it is folded the rates tell nothing: it is flagged as what it is, and its neighbours are taken."""
+    angles = np.linspace(-3.14159, 3.14159, 20001)[np.r_[7122:7324, 17121:17324], None]
+    run = linkdyn.Scene(tomli_w.dumps(bennett())).inverse(q=angles, qd=0 * angles + 1, qdd=0 * angles + 1)
+    assert set(np.unique(run.status)) <= {0, 2}
+    assert (run.status == 0).sum() >= 400
