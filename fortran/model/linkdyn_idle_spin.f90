@@ -370,7 +370,8 @@ contains
             if (model%scene%clutch(i)%is_bare) cycle   ! wheels and cams are led
             l = pushed_off_line(model%scene%laws%measure(model%scene%clutch(i)%measure(1)))
             if (l == frame_link) cycle
-            why = "clutch "//quoted(model%scene%clutch(i)%name)//" holds "//quoted(model%link(l)%name)//" off it"
+            why = "clutch "//quoted(model%scene%event(model%scene%clutch(i)%event)%name)//" holds "//quoted(model%link(l)%name)// &
+                  " off it"
             return
         end do
 

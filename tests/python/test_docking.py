@@ -311,6 +311,71 @@ def test_a_body_that_is_caught_by_the_frame_rests_and_is_carried():
     assert late.clutch_slip.max() < 1e-11
 
 
+def test_what_is_docked_strikes_a_wall_as_one():
+    parts = {"measures": {"x": {"marker": "b.n", "component": "x"}}, "stop": [{"name": "wall", "measure": "x", "min": 0.4, "restitution": 0.5}]}
+    run = floating(clutch=[{"name": "dock", "between": ["a.m", "b.n"], "from": 0.25}], **parts).forward(t=np.linspace(0, 6, 13), **TIGHT)
+    told = kinds(run)
+    assert told[0] == ("dock", "close") and told.count(("wall.min", "impact")) >= 2
+    for k, (name, _) in enumerate(told):
+        before, behind = (motions("ab", run.event_q.values[k], rates.values[k]) for rates in (run.event_qd, run.event_qd_after))
+        np.testing.assert_allclose(behind[0].omega, behind[1].omega, rtol=0, atol=1e-12)
+        loss = sum(b.energy for b in before) - sum(b.energy for b in behind)
+        assert float(run.event_loss[k]) == pytest.approx(loss, rel=1e-9)
+        jump = (sum(b.momentum for b in behind) - sum(b.momentum for b in before))[:3]
+        if name == "wall.min":  # along its normal only, and by what is told
+            np.testing.assert_allclose(jump, [float(run.event_impulse[k]), 0, 0], rtol=0, atol=1e-9)
+            marker = [body.speed(body.point(MARKER["b"]["n"]["at"]))[0] for body in (before[1], behind[1])]
+            assert marker[1] == pytest.approx(-0.5 * marker[0], rel=1e-9)
+
+
+def test_what_is_held_twice_takes_the_force_once():
+    one = {"name": "d1", "between": ["a.m", "b.n"], "from": 0.25}
+    once = floating(clutch=[one]).forward(t=np.linspace(0, 1, 21), **TIGHT)
+    twice = floating(clutch=[one, {"name": "d2", "between": ["b.n", "a.m"], "from": 0.25, "until": 0.5}]).forward(t=np.linspace(0, 1, 21), **TIGHT)
+    assert kinds(twice) == [("d1", "close"), ("d2", "close"), ("d2", "open")]
+    np.testing.assert_allclose(twice.q, once.q, rtol=0, atol=1e-9)
+    assert np.nansum(twice.event_loss.values) == pytest.approx(float(once.event_loss[0]), rel=1e-12)
+
+
+def test_caught_while_an_angle_of_a_body_is_at_its_pole():
+    start = START["b"] | {"angles": [0.3, np.pi / 2 - 0.25 * 0.4, 0.2], "angular_rates": [0.1, 0.4, -0.3]}
+    scene = floating(coordinate=[{"link": "a", "start": START["a"]}, {"link": "b", "start": start}], clutch=[{"name": "dock", "between": ["a.m", "b.n"], "from": 0.25}])
+    run = scene.forward(t=np.linspace(0, 6, 61), **TIGHT)
+    assert (run.status == 0).all()
+    late = run.kinetic_energy.sel(time=slice(0.26, None))
+    np.testing.assert_allclose(late, late[0], rtol=1e-10)
+
+
+def test_a_rod_that_spins_idly_is_not_caught_off_its_line():
+    description: dict[str, Any] = {
+        "space": "spatial",
+        "frame": {"markers": {"o": [0, 0, 0], "p": {"at": [0, 0, 0], "axis": [1, 0, 0]}}},
+        "link": [
+            {"name": "crank", "markers": {"o": [0, 0, 0], "e": [0.3, 0, 0]}, "mass": 1, "inertia": [0.1, 0.1, 0.1, 0, 0, 0]},
+            {"name": "rod", "markers": {"e": [0, 0, 0], "s": [0.8, 0, 0], "side": [0.4, 0.1, 0]}, "mass": 1, "cog": [0.4, 0, 0], "inertia": [0.01, 0.1, 0.1, 0, 0, 0]},
+            {"name": "slide", "markers": {"s": [0, 0, 0], "p": {"at": [0, 0, 0], "axis": [1, 0, 0]}}, "mass": 1, "inertia": [0.1, 0.1, 0.1, 0, 0, 0]},
+            {"name": "part", "markers": {"m": [0, 0, 0]}, "mass": 1, "inertia": [0.1, 0.1, 0.1, 0, 0, 0]},
+        ],
+        "joint": [
+            {"name": "O", "type": "revolute", "between": ["frame.o", "crank.o"]},
+            {"name": "E", "type": "spherical", "between": ["crank.e", "rod.e"]},
+            {"name": "S", "type": "spherical", "between": ["rod.s", "slide.s"]},
+            {"name": "P", "type": "prismatic", "between": ["frame.p", "slide.p"], "start": 1.0},
+        ],
+        "coordinate": [{"joint": "O", "start": {"position": 0.5, "velocity": 1}}, {"link": "part", "start": {"position": [0.5, 0.5, 0]}}],
+        "time": {"end": 1},
+    }  # fmt: skip
+
+    def caught(marker: str, kind: str) -> linkdyn.Scene:
+        return linkdyn.Scene(description | {"clutch": [{"name": "hook", "between": [marker, "part.m"], "type": kind, "from": 0.3}]})
+
+    with pytest.raises(linkdyn.LinkdynError, match="clutch 'hook' holds 'rod' off it"):
+        caught("rod.side", "spherical").forward()
+    with pytest.raises(linkdyn.LinkdynError, match="'rod' can spin between its spherical joints"):
+        caught("rod.s", "fixed").forward()
+    assert kinds(caught("rod.s", "spherical").forward()) == [("hook", "close")]
+
+
 # ----------------------------------------------------------------------------------------------------------------- in a plane
 def arm(**parts: Any) -> linkdyn.Scene:
     """An arm of two links that turns on its shoulder by its own momentum, and a part that comes along."""
@@ -382,6 +447,17 @@ def test_an_arm_grasps_a_part_and_lets_it_go():
     np.testing.assert_array_equal(run.event_qd.values[1], run.event_qd_after.values[1])
     last = run.sel(time=slice(1.21, None))
     np.testing.assert_allclose(last.qd.values[:, 4], run.event_qd.values[1][4], rtol=1e-12)
+
+
+def test_an_arm_that_is_driven_takes_the_part_along_or_says_that_nothing_gives_way():
+    part = {"link": "part", "start": {"position": [0.9, 0.6], "angle": 0.2, "velocity": [-0.7, -0.4], "angular_rate": 2}}
+    driven = [{"joint": name, "driven": True, "motion": {"law": "constant-rate", "rate": rate}} for name, rate in (("S", 1.0), ("E", -0.5))]
+    work = [{"joint": name, "law": {"type": "inverse"}} for name in ("S", "E")]
+    run = arm(coordinate=[*driven, part], actuator=work).forward(t=np.linspace(0, 1, 11), **TIGHT)
+    np.testing.assert_allclose(run.qd.values[:, :2], np.broadcast_to([1, -0.5], (11, 2)), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.qd.values[3:, 4], 0.5, rtol=1e-10)
+    stuck = arm(coordinate=[*driven, part], actuator=work, clutch=[{"name": "stuck", "between": ["frame.S", "hand.palm"], "from": 0.2}])
+    assert "nothing that clutch 'stuck' could join moves freely" in stuck.forward(t=np.linspace(0, 1, 11)).attrs["stopped"]
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
