@@ -23,8 +23,8 @@ from twin import run_states  # noqa: E402
 
 pytestmark = pytest.mark.lanes
 
-NOT_DRIVEN = frozenset({"ball_joint", "ship_hexapod"})
-"""Inverse dynamics needs an actuator for each coordinate, which the angles of a spherical joint cannot have; on a ship it asks for instants."""
+NOT_DRIVEN = frozenset({"ball_joint", "capture", "ship_hexapod"})
+"""Inverse dynamics needs an actuator for each coordinate, which angles of a spherical joint and poses cannot have; on a ship it asks for instants."""
 
 
 def names(file: Path) -> str:
