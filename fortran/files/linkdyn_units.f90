@@ -96,13 +96,17 @@ module linkdyn_units
     type(quantity_type), parameter :: resistance = &
         quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
 
-    !> A unit name; `takes_prefix` if "k", "m", ... may stand before it.
+    !> A unit name, and the SI prefixes that may stand before it: those that somebody uses. Others are slips of the pen or
+    !> other words: "Mm" of mm, "Grad", which is German for degree.
     type :: unit_entry
         character(len=6) :: name
         real(wp) :: factor                         !! in SI
         integer :: power(n_dimension)
-        logical :: takes_prefix
+        character(len=18) :: prefixes              !! with blanks between them
     end type unit_entry
+
+    character(len=*), parameter :: small = "n u m", every_force = "n u m c d da k M", electric = "n u m k", &
+        of_ohm = "u m k M G", of_power = "n u m k M G"
 
     real(wp), parameter :: one = 1
     real(wp), parameter :: inch = 0.0254_wp
@@ -110,37 +114,37 @@ module linkdyn_units
     real(wp), parameter :: standard_gravity = 9.80665_wp
 
     type(unit_entry), parameter :: units(*) = [ &
-        unit_entry("m", one, [0, 1, 0, 0, 0], .true.), &
-        unit_entry("g", 0.001_wp, [1, 0, 0, 0, 0], .true.), &
-        unit_entry("t", 1000*one, [1, 0, 0, 0, 0], .true.), &
-        unit_entry("s", one, [0, 0, 1, 0, 0], .true.), &
-        unit_entry("A", one, [0, 0, 0, 1, 0], .true.), &
-        unit_entry("rad", one, [0, 0, 0, 0, 1], .true.), &
-        unit_entry("N", one, [1, 1, -2, 0, 0], .true.), &
-        unit_entry("Nm", one, [1, 2, -2, 0, 0], .true.), &
-        unit_entry("Pa", one, [1, -1, -2, 0, 0], .true.), &
-        unit_entry("bar", 1.0e5_wp, [1, -1, -2, 0, 0], .true.), &
-        unit_entry("litre", 0.001_wp, [0, 3, 0, 0, 0], .false.), &
-        unit_entry("J", one, [1, 2, -2, 0, 0], .true.), &
-        unit_entry("W", one, [1, 2, -3, 0, 0], .true.), &
-        unit_entry("V", one, [1, 2, -3, -1, 0], .true.), &
-        unit_entry("ohm", one, [1, 2, -3, -2, 0], .true.), &
-        unit_entry("H", one, [1, 2, -2, -2, 0], .true.), &
-        unit_entry("Ohm", one, [1, 2, -3, -2, 0], .true.), &
-        unit_entry("Hz", two_pi, [0, 0, -1, 0, 1], .true.), &
-        unit_entry("deg", pi/180, [0, 0, 0, 0, 1], .false.), &
-        unit_entry("rev", two_pi, [0, 0, 0, 0, 1], .false.), &
-        unit_entry("rpm", two_pi/60, [0, 0, -1, 0, 1], .false.), &
-        unit_entry("min", 60*one, [0, 0, 1, 0, 0], .false.), &
-        unit_entry("h", 3600*one, [0, 0, 1, 0, 0], .false.), &
-        unit_entry("in", inch, [0, 1, 0, 0, 0], .false.), &
-        unit_entry("ft", 12*inch, [0, 1, 0, 0, 0], .false.), &
-        unit_entry("lb", pound, [1, 0, 0, 0, 0], .false.), &
-        unit_entry("psi", pound*standard_gravity/inch**2, [1, -1, -2, 0, 0], .false.), &
-        unit_entry("lbf", pound*standard_gravity, [1, 1, -2, 0, 0], .false.), &
-        unit_entry("kgf", standard_gravity, [1, 1, -2, 0, 0], .false.), &
-        unit_entry("%", 0.01_wp, [0, 0, 0, 0, 0], .false.), &
-        unit_entry("1", one, [0, 0, 0, 0, 0], .false.)]
+        unit_entry("m", one, [0, 1, 0, 0, 0], "n u m c d k"), &
+        unit_entry("g", 0.001_wp, [1, 0, 0, 0, 0], "n u m k M"), &
+        unit_entry("t", 1000*one, [1, 0, 0, 0, 0], "d k"), &
+        unit_entry("s", one, [0, 0, 1, 0, 0], small), &
+        unit_entry("A", one, [0, 0, 0, 1, 0], electric), &
+        unit_entry("rad", one, [0, 0, 0, 0, 1], small), &
+        unit_entry("N", one, [1, 1, -2, 0, 0], every_force), &
+        unit_entry("Nm", one, [1, 2, -2, 0, 0], every_force), &
+        unit_entry("Pa", one, [1, -1, -2, 0, 0], "u m da h k M G"), &
+        unit_entry("bar", 1.0e5_wp, [1, -1, -2, 0, 0], "u m d k"), &
+        unit_entry("litre", 0.001_wp, [0, 3, 0, 0, 0], ""), &
+        unit_entry("J", one, [1, 2, -2, 0, 0], of_power), &
+        unit_entry("W", one, [1, 2, -3, 0, 0], of_power), &
+        unit_entry("V", one, [1, 2, -3, -1, 0], electric), &
+        unit_entry("ohm", one, [1, 2, -3, -2, 0], of_ohm), &
+        unit_entry("H", one, [1, 2, -2, -2, 0], small), &
+        unit_entry("Ohm", one, [1, 2, -3, -2, 0], of_ohm), &
+        unit_entry("Hz", two_pi, [0, 0, -1, 0, 1], of_ohm), &
+        unit_entry("deg", pi/180, [0, 0, 0, 0, 1], ""), &
+        unit_entry("rev", two_pi, [0, 0, 0, 0, 1], ""), &
+        unit_entry("rpm", two_pi/60, [0, 0, -1, 0, 1], ""), &
+        unit_entry("min", 60*one, [0, 0, 1, 0, 0], ""), &
+        unit_entry("h", 3600*one, [0, 0, 1, 0, 0], ""), &
+        unit_entry("in", inch, [0, 1, 0, 0, 0], ""), &
+        unit_entry("ft", 12*inch, [0, 1, 0, 0, 0], ""), &
+        unit_entry("lb", pound, [1, 0, 0, 0, 0], ""), &
+        unit_entry("psi", pound*standard_gravity/inch**2, [1, -1, -2, 0, 0], ""), &
+        unit_entry("lbf", pound*standard_gravity, [1, 1, -2, 0, 0], ""), &
+        unit_entry("kgf", standard_gravity, [1, 1, -2, 0, 0], ""), &
+        unit_entry("%", 0.01_wp, [0, 0, 0, 0, 0], ""), &
+        unit_entry("1", one, [0, 0, 0, 0, 0], "")]
 
     character(len=2), parameter :: prefixes(*) = [character(len=2) :: "n", "u", "m", "c", "d", "da", "h", "k", "M", "G"]
     integer, parameter :: prefix_power(*) = [-9, -6, -3, -2, -1, 1, 2, 3, 6, 9]
@@ -301,13 +305,14 @@ contains
     pure function unknown_unit(name) result(problem)
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: problem
-        character(len=*), parameter :: basic(*) = pack(units%name, units%takes_prefix)
+        character(len=*), parameter :: of_thousands(*) = pack(units%name, index(units%prefixes, "k") > 0), &
+            of_thousandths(*) = pack(units%name, index(units%prefixes, "m") > 0)
 
         problem = quoted(name)//" is not a unit that linkdyn knows"
         if (two_units(name) /= "") then
             problem = problem//"; two units stand apart: "//quoted(two_units(name))
         else
-            problem = problem//suggestion(name, [character(len=7) :: units%name, "mm", "k"//basic, "m"//basic])
+            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//of_thousands, "m"//of_thousandths])
         end if
     end function unknown_unit
 
@@ -544,7 +549,7 @@ contains
             if (n >= len(name)) cycle
             if (name(:n) /= prefixes(j)) cycle
             do i = 1, size(units)
-                if (name(n + 1:) /= units(i)%name .or. .not. units(i)%takes_prefix) cycle
+                if (name(n + 1:) /= units(i)%name .or. .not. takes_prefix(units(i), prefixes(j))) cycle
                 ! A whole power of ten divides exactly where its negative power would round.
                 if (prefix_power(j) > 0) reading%factor = units(i)%factor*10.0_wp**prefix_power(j)
                 if (prefix_power(j) < 0) reading%factor = units(i)%factor/10.0_wp**(-prefix_power(j))
@@ -556,6 +561,13 @@ contains
         reading%is_good = .false.
         reading%culprit = name
     end subroutine look_up
+
+    pure logical function takes_prefix(unit, prefix)
+        type(unit_entry), intent(in) :: unit
+        character(len=*), intent(in) :: prefix
+
+        takes_prefix = index(" "//unit%prefixes//" ", " "//trim(prefix)//" ") > 0
+    end function takes_prefix
 
     pure subroutine skip_blanks(text, next)
         character(len=*), intent(in) :: text

@@ -25,6 +25,7 @@ contains
             new_test("angles are no numbers", test_angles), &
             new_test("wrong dimensions", test_wrong), &
             new_test("what is no quantity", test_nonsense), &
+            new_test("prefixes that are meant", test_prefixes), &
             new_test("unit of a column", test_factor)]
     end subroutine collect_units
 
@@ -130,6 +131,30 @@ contains
         call refused(error, "3 12 m", length, "has '12 m' where an operator")
         call refused(error, "3 kdeg", angle, "is not a unit")
     end subroutine test_nonsense
+
+    subroutine test_prefixes(error)
+        type(test_error), intent(inout) :: error
+        real(wp) :: factor
+        character(len=:), allocatable :: problem
+
+        call refused(error, "90 Grad", angle, "'Grad' is not a unit that linkdyn knows; did you mean 'deg'?")
+        call refused(error, "90 grad", angle, "did you mean 'deg'?")
+        call refused(error, "1 Mrad", angle, "did you mean 'mrad'?")
+        call refused(error, "1 krad", angle, "is not a unit")
+        call refused(error, "1 Mm", length, "did you mean 'mm'?")
+        call refused(error, "1 Ms", time_span, "did you mean 'ms'?")
+        call refused(error, "3 dag", mass, "is not a unit")
+        call refused(error, "1 mt", mass, "is not a unit")
+        call unit_factor("Grad", angle, factor, problem)
+        call check(error, index(problem, "did you mean 'deg'?") > 0, "Grad of a column "//problem)
+        call expect(error, "3 mrad", angle, 3/1000.0_wp)
+        call expect(error, "3 daN", force, 30.0_wp)
+        call expect(error, "3 cNm", moment, 3/100.0_wp)
+        call expect(error, "2 Mg", mass, 2000.0_wp)
+        call expect(error, "3 Mohm", resistance, 3.0e6_wp)
+        call expect(error, "3 MN", force, 3.0e6_wp)
+        call expect(error, "1 kHz", angular_rate, 2000*pi)
+    end subroutine test_prefixes
 
     subroutine test_factor(error)
         type(test_error), intent(inout) :: error
