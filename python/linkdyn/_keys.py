@@ -10,27 +10,33 @@ from ._arguments import quoted
 
 __all__ = ["told_by_keys"]
 
-PLACE = re.compile(r"\Ascene:(\d+): ")
+PLACE, OTHER = re.compile(r"\Ascene:(\d+): "), re.compile(r"\bon line (\d+)(?! of )")
 HEADER, KEY = re.compile(r"\A(\[{1,2})(.+?)\]{1,2}\Z"), re.compile(r"""\A((?:"(?:[^"\\]|\\.)*"|[\w-]+)) = """)
 
 ELEMENT = re.compile(r"\A {4}[^\s\]]")
 
 
 def told_by_keys(message: str, text: str) -> str:
-    """A message of the reader with the place as it is in the dict, ``scene['link'][0]['mass']``, for the line.
+    """A message of the reader with places as they are in the dict, ``scene['link'][0]['mass']``, for lines.
 
     Parameters
     ----------
     message
-        Begins with "scene:LINE: ".
+        Begins with "scene:LINE: "; further on it may say "on line LINE".
     text
         What ``tomli_w`` wrote: each key on a line of its own that is not indented.
     """
     place = PLACE.match(message)
     if place is None:
         return message
-    keys = "".join(f"[{quoted(key)}]" for key in _keys_at(text.splitlines()[: int(place[1])]))
-    return f"scene{keys}: {message[place.end():]}"
+    lines = text.splitlines()
+    problem = OTHER.sub(lambda other: f"at {_place(lines[: int(other[1])])}", message[place.end() :])
+    return f"{_place(lines[: int(place[1])])}: {problem}"
+
+
+def _place(lines: list[str]) -> str:
+    """What the last line says, as it is in the dict."""
+    return "scene" + "".join(f"[{quoted(key)}]" for key in _keys_at(lines))
 
 
 def _keys_at(lines: list[str]) -> list[Any]:

@@ -49,6 +49,19 @@ def test_short_tables_in_lists_count(content):
     assert str(caught.value).startswith("scene['actuator'][1]: "), caught.value
 
 
+def test_both_of_two_places_are_keys(content):
+    """Of dicts and of what `with_` makes of a scene: nobody has seen these lines."""
+    name = content["link"][0]["name"]
+    wrong = content | {"link": [*content["link"], content["link"][0]]}
+    for make in (lambda: linkdyn.Scene(wrong), lambda: linkdyn.Scene(content).with_({f"link.{content['link'][1]['name']}.name": name})):
+        with pytest.raises(linkdyn.SceneError, match="another link of that name at scene\\['link'\\]\\[0\\]") as caught:
+            make()
+        assert " on line " not in str(caught.value)
+    link = "[[link]]\nname = 'a'\nmass = 1\ninertia = 1\n"
+    with pytest.raises(linkdyn.SceneError, match="^scene:6: .* on line 2"):
+        linkdyn.Scene(f"space = 'planar'\n{link}{link}")
+
+
 def test_messages_of_texts_keep_their_lines():
     with pytest.raises(linkdyn.SceneError, match="^scene:2: "):
         linkdyn.Scene("title = 'a'\nfoo = 2\n")
