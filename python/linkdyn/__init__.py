@@ -8,9 +8,9 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
+from ._late import when_imported
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, MissingFileError, SceneError, UnavailableError
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from .results import read
     from .scene import Poses, Scene, load
     from .simulator import Simulator, SimulatorState
+
+    __version__: str
 
 __all__ = [
     "Builder",
@@ -82,27 +84,33 @@ _HOMES = {
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
+if not TYPE_CHECKING:  # who checks types must see misspelt names
 
-    if name == "__version__":
-        return import_module("._bind", __name__).version()
-    if name in _HOMES:
-        value = globals()[name] = getattr(import_module(f".{_HOMES[name]}", __name__), name)
-        return value
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        return import_module(f".{name}", __name__)
-    except ModuleNotFoundError as error:
-        if error.name != "anywidget":
-            raise
-        raise UnavailableError("linkdyn.widget needs anywidget, which is not installed (pip install 'linkdyn[widget]')") from error
+    def __getattr__(name: str) -> Any:
+        from importlib import import_module
+
+        if name == "__version__":
+            return import_module("._bind", __name__).version()
+        if name in _HOMES:
+            value = globals()[name] = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+            return value
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        try:
+            return import_module(f".{name}", __name__)
+        except ModuleNotFoundError as error:
+            if error.name != "anywidget":
+                raise
+            raise UnavailableError("linkdyn.widget needs anywidget, which is not installed (pip install 'linkdyn[widget]')") from error
 
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
 
 
-if "xarray" in sys.modules:  # runs that are read by others have `run.linkdyn` too
+def _let_runs_have_it() -> None:
+    """Runs that are read by others have ``run.linkdyn`` too."""
     from . import _accessor as _accessor
+
+
+when_imported("xarray", _let_runs_have_it)

@@ -212,9 +212,9 @@ def test_import_loads_nothing_large():
     assert not {"numpy", "linkdyn._engine", "argparse", "subprocess"} & modules_after("import linkdyn.cli")
 
 
-@pytest.mark.parametrize("code", ["import xarray, linkdyn", "import linkdyn, xarray; linkdyn.load", "import linkdyn; linkdyn.read; import xarray"])
+@pytest.mark.parametrize("code", ["import xarray, linkdyn", "import linkdyn, xarray", "import linkdyn; linkdyn.read; import xarray"])
 def test_the_accessor_is_there(code):
-    assert "linkdyn._accessor" in modules_after(code)
+    assert "linkdyn._accessor" in modules_after(f"{code}; xarray.Dataset().linkdyn")
 
 
 def test_as_a_module():
