@@ -152,12 +152,20 @@ def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = 
             largest = max(float(np.nanmax(np.abs(y), initial=0.0)) for y in values.values())
             draw_lines(axis, x, values, *scale_axis(axis, "y", quantity, unit, largest, ticks=5), from_zero=from_zero)
     for column in axes.T:
-        lowest = [axis for axis in column if axis.get_visible()][-1]
-        scale_axis(lowest, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
-        lowest.tick_params(labelbottom=True)
+        shown = [axis for axis in column if axis.get_visible()]
+        for axis, below in zip(shown, [*shown[1:], None]):
+            if below is None or _width(axis) != _width(below):  # numbers below a wider panel are at other places
+                scale_axis(axis, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
+                axis.tick_params(labelbottom=True)
     if run.attrs.get("title"):
         put_heading(figure, run.attrs["title"])
     return figure, axes
+
+
+def _width(axis: Axes) -> int:
+    """Columns that a panel takes."""
+    place = axis.get_subplotspec()
+    return len(place.colspan) if place is not None else 1
 
 
 def _magnitude(run: xr.Dataset, letter: str) -> xr.DataArray:

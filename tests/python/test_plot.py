@@ -40,6 +40,8 @@ def test_reactions(run):
     np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
     assert axes[1, 1].get_ylabel() == "moment [N·m]"
     figure.canvas.draw()
+    for k in (0, 1):    # what is as wide as both columns says nothing of when it is in the panels above
+        assert axes[1, k].get_xlabel() == "time [s]" and axes[1, k].xaxis.get_tick_params()["labelbottom"]
 
 
 def test_rounding_of_zero_is_no_reaction(run):
