@@ -307,8 +307,10 @@ class RunAccessor:
 
         need_samples(self._run, "worst")
         known = [str(name) for name, values in self._run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f"]
+        if not known:
+            raise InputError("worst: there are no results of samples (expected a run, or a sweep that keeps samples)")
         if quantity not in known:
-            raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known) or 'none'})")
+            raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known)})")
         return self._run[quantity]
 
     def _peaks(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -68,7 +68,7 @@ def use_code(name: str | None) -> None:
     --------
     code_in_use
     """
-    check(*_api.api_choose_code("" if name is None else as_name("name", name) or " "))
+    check(*_api.api_choose_code("" if name is None else as_name("code", name) or " "))
 
 
 def code_in_use() -> str:

@@ -909,7 +909,7 @@ class Scene:
         if resume and output is None:
             raise InputError("resume: there is no output (expected the name of the results, beside which the interrupted run is kept)")
         seconds = as_real("checkpoint", checkpoint)
-        if seconds < 0:
+        if not seconds >= 0:
             raise InputError(f"checkpoint: {seconds:g} (expected seconds)")
         data = run_sweep(
             self._handle,
@@ -1206,13 +1206,21 @@ def _plain(value: Any, place: str = "") -> Any:
         return as_path(f"scene: {place}", value)
     if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
         raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)}, half of a character")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)} (expected a whole number of 64 bits at most)")
     if not isinstance(value, (str, bool, int, float, datetime.date, datetime.time)):
         raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)} (expected a number, a text, a list or a table)")
     return value
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool) and math.isfinite(value)
+    """A number that a double holds; others the reader refuses, with their place."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _names(entries: list[dict[str, Any]]) -> tuple[str, ...]:

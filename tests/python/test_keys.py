@@ -62,6 +62,17 @@ def test_both_of_two_places_are_keys(content):
         linkdyn.Scene(f"space = 'planar'\n{link}{link}")
 
 
+@pytest.mark.parametrize("value", [10**400, 10**5000, -(2**63) - 1], ids=["400 digits", "5000 digits", "64 bits"])
+def test_numbers_that_no_file_holds_are_told_by_their_path(content, value):
+    lengths = {"L": "1 m"}
+    scene = linkdyn.Scene(content | {"variables": lengths, "link": [content["link"][0] | {"cog": ["2*L", 0]}, *content["link"][1:]]})
+    for path in ("variables.L", "link.crank.mass"):
+        if -(10**300) < value < 10**300 and path == "variables.L":
+            continue    # a double holds it
+        with pytest.raises(linkdyn.InputError, match=r"variables\.L|mass"):
+            scene.with_({path: value})
+
+
 def test_messages_of_texts_keep_their_lines():
     with pytest.raises(linkdyn.SceneError, match="^scene:2: "):
         linkdyn.Scene("title = 'a'\nfoo = 2\n")

@@ -71,6 +71,11 @@ def test_unknown_code_is_refused_by_name(name: str) -> None:
         linkdyn.use_code(name)
 
 
+def test_what_is_no_name_is_refused_as_code() -> None:
+    with pytest.raises(linkdyn.InputError, match="^code: expected a name, got 3"):
+        linkdyn.use_code(3)  # type: ignore[arg-type]
+
+
 def test_command_refuses_unknown_code() -> None:
     scene = str(ROOT / "examples" / "fourbar" / "scene.toml")
     run = run_cli("inverse", scene, "--no-output", "--code", "avx")

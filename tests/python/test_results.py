@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 import linkdyn
 from linkdyn import cli
@@ -81,6 +82,11 @@ def test_worst_reaction(run):
     assert worst.loc["leg3.U", "force"] == pytest.approx(force.max(), rel=1e-14)
     assert worst.loc["leg3.U", "force_time"] == run.time.values[force.argmax()]
     assert list(worst.index) == list(run.joint.values)
+
+
+def test_worst_of_nothing():
+    with pytest.raises(linkdyn.InputError, match="worst: there are no results of samples .expected a run"):
+        xr.Dataset().linkdyn.worst()
 
 
 def test_worst_keeps_the_sign(run):

@@ -350,6 +350,9 @@ def test_refused_from_python(tsai):
         linkdyn.Scene(tsai).sweep(table, keep="driving_forces")
     with pytest.raises(linkdyn.InputError, match="solver"):
         linkdyn.Scene(tsai).sweep(table, solver="magic")
+    for seconds in (float("nan"), -1):
+        with pytest.raises(linkdyn.InputError, match="^checkpoint: .*expected seconds"):
+            linkdyn.Scene(tsai).sweep(table, checkpoint=seconds)
     with pytest.raises(linkdyn.SceneError, match="empty axis"):
         linkdyn.Scene(tsai).sweep({"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 0]}]})
 

@@ -336,7 +336,7 @@ def test_long_runs_are_thinned_out(tsai_file):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"forces": "wind"}, "forces: unknown 'wind'"),
+        ({"forces": "wind"}, "forces: unknown 'wind' (expected driving, reaction, load, all or none)"),
         ({"plots": "heat"}, "plots: the run has no 'heat'"),
         ({"traces": "coupler.J9"}, "no moving marker 'coupler.J9'"),
         ({"meshes": {"wheel": "a.stl"}}, "there is no link 'wheel'"),

@@ -56,7 +56,7 @@ def force_kinds(caller: str, forces: str | tuple[str, ...] | None, is_planar: bo
     kinds = KINDS if forces == "all" else (forces,) if isinstance(forces, str) else tuple(forces)
     for kind in kinds:
         if kind not in KINDS:
-            raise InputError(f"{caller}: forces: unknown {kind!r} (expected {', '.join(KINDS)} or all)")
+            raise InputError(f"{caller}: forces: unknown {kind!r} (expected {', '.join(KINDS)}, all{' or none' if caller == 'view' else ''})")
     return kinds
 
 
