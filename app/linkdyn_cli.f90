@@ -600,7 +600,8 @@ contains
             "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &
             "                      is integrated in its place, and the summary says so", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
-            "                      friction, motor, or all (default), with commas between; the rest is not computed", &
+            "                      friction, motor, controller, clutch, cylinder, or all (default), with commas between;", &
+            "                      the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
             "                      or gauss-jordan-plain (for comparison only)", &
             "  --threads N         threads for the forces at output instants; default 1", &

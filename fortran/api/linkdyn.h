@@ -76,7 +76,7 @@ typedef struct linkdyn_inverse_settings {
 
 /* How a forward run is computed. What is zero or NULL is as described. */
 typedef struct linkdyn_run_settings {
-    const char *method;    /* "gbs" if NULL, extrapolation; or "rk4", "rkf45", "rk8pd", "msbdf" (the last three need GSL) */
+    const char *method;    /* "gbs" if NULL, extrapolation; or "rk4", "seulex", "rkf45", "rk8pd", "msbdf" (the last three need GSL) */
     const char *solver;    /* of the forces, as above */
     double t_end;          /* when the run is to end [s], which steps are judged by; 0: not known */
     double step;           /* of rk4; first one tried by the others [s]; 0: 0.001 */
@@ -108,7 +108,8 @@ int linkdyn_close(linkdyn_scene *scene);
 /* How many there are of: "link", "joint", "coordinate", "attitude" (links and ball joints whose attitude is given by coordinates
  * roll, pitch, yaw), "actuator", "load", "variable" (joint variables), "component" (of
  * a reaction: Fx Fy Mz, in space Fx Fy Fz Mx My Mz), "dyad" (closed forms that have a transmission angle), "motor" (actuators with a
- * drive), "cam" (joints), "controller", "result" (of inverse dynamics), "run_result" (of forward dynamics). */
+ * drive), "cam" (joints), "controller", "strand" (runs of belts), "clutch", "cylinder", "chamber" (of cylinders),
+ * "result" (of inverse dynamics), "run_result" (of forward dynamics). */
 int linkdyn_count(linkdyn_scene *scene, const char *what, size_t *count);
 
 /* The name of number i of them, into room for `room` characters; LINKDYN_NAME_ROOM is enough. */
