@@ -15,40 +15,40 @@ module linkdyn_csv
     use linkdyn_units, only: is_unit
     implicit none (type, external)
     private
-    public :: read_csv, parse_csv, column_of, as_shown
+    public :: read_csv, parse_csv, column_of, as_shown, unit_behind
 
     character(len=*), parameter :: newline = achar(10), tab = achar(9), return_sign = achar(13)
 
 contains
 
     !> Read a table from a file.
-    subroutine read_csv(file, where, table, status, takes_text, is_foreign)
+    subroutine read_csv(file, where, table, status, takes_text, is_foreign, but_in)
         character(len=*), intent(in) :: file
         character(len=*), intent(in) :: where     !! start of the message if the file cannot be read
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: takes_text    !! a field that is no number is NaN; absent: a failure
         logical, intent(in), optional :: is_foreign    !! messages must not quote it
+        character(len=*), intent(in), optional :: but_in    !! column of numbers, though the others take text
         character(len=:), allocatable :: text
 
         call read_file_text(file, where, text, status)
-        if (status%is_ok()) call parse_csv(text, file, table, status, takes_text, is_foreign)
+        if (status%is_ok()) call parse_csv(text, file, table, status, takes_text, is_foreign, but_in)
     end subroutine read_csv
 
     !> Read a table from a text.
-    subroutine parse_csv(text, file, table, status, takes_text, is_foreign)
+    subroutine parse_csv(text, file, table, status, takes_text, is_foreign, but_in)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file      !! for messages
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: takes_text, is_foreign    !! as in `read_csv`
+        character(len=*), intent(in), optional :: but_in
         character(len=1) :: separator
-        logical :: is_strict
+        logical, allocatable :: is_strict(:)           !! nothing but finite numbers in a column
         integer :: n_row, n_column, line, first, last, next, row, most_rows
 
         table%file = file
-        is_strict = .true.
-        if (present(takes_text)) is_strict = .not. takes_text
         if (present(is_foreign)) table%is_foreign = is_foreign
         if (is_utf16(text)) then
             call fail(status, status_bad_input, trim(file)//": this is UTF-16 (expected a text saved as UTF-8)")
@@ -71,6 +71,9 @@ contains
         call read_header(text(first:last), file, line, table, separator, status)
         if (.not. status%is_ok()) return
         n_column = size(table%column)
+        allocate (is_strict(n_column), source=.true.)
+        if (present(takes_text)) is_strict = .not. takes_text
+        if (present(but_in)) is_strict = is_strict .or. table%column == but_in
         most_rows = n_line(text(next:))
         allocate (table%value(most_rows, n_column), table%line(most_rows))
         row = 0
@@ -112,23 +115,32 @@ contains
     function bracket_hint(table, name) result(hint)
         type(table_spec), intent(in) :: table
         character(len=*), intent(in) :: name
-        character(len=:), allocatable :: hint, rest, unit
-        integer :: i, n
+        character(len=:), allocatable :: hint, unit
+        integer :: i
 
         hint = suggestion(name, table%column)
-        n = len_trim(name)
         do i = 1, size(table%column)
-            if (index(table%column(i), trim(name)) /= 1) cycle
-            rest = table%column(i)(n + 1:)
-            if (scan(rest(1:1), " (/_,-") == 0) cycle
-            unit = word_in(rest, " ()_,-")
-            if (index(unit, "/") == 1) unit = unit(2:)
-            if (index(unit, "in ") == 1) unit = unit(4:)
-            if (.not. is_unit(unit)) cycle
+            unit = unit_behind(table%column(i), name)
+            if (unit == "") cycle
             hint = "; the unit belongs in square brackets: '"//trim(name)//" ["//unit//"]'"
             return
         end do
     end function bracket_hint
+
+    !> The unit that a column has behind its name, but not in square brackets: "x (mm)", "x_mm", "x / mm"; empty: none.
+    pure function unit_behind(column, name) result(unit)
+        character(len=*), intent(in) :: column, name
+        character(len=:), allocatable :: unit, rest
+
+        unit = ""
+        if (index(column, trim(name)) /= 1) return
+        rest = trim(column(len_trim(name) + 1:))//" "
+        if (scan(rest(1:1), " (/_,-") == 0) return
+        unit = word_in(rest, " ()_,-")
+        if (index(unit, "/") == 1) unit = unit(2:)
+        if (index(unit, "in ") == 1) unit = unit(4:)
+        if (.not. is_unit(unit)) unit = ""
+    end function unit_behind
 
     !> What stands in a table, for a message: a scene from elsewhere must not make us read out any file of the machine.
     pure function as_shown(table, content) result(text)
@@ -192,7 +204,7 @@ contains
         character(len=*), intent(in) :: text
         character(len=1), intent(in) :: separator
         integer, intent(in) :: row
-        logical, intent(in) :: is_strict          !! nothing but finite numbers
+        logical, intent(in) :: is_strict(:)       !! nothing but finite numbers in a column
         type(table_spec), intent(inout) :: table
         type(status_type), intent(inout) :: status
         character(len=len(text)) :: bare
@@ -210,7 +222,7 @@ contains
                 return
             end if
             call parse_field(text(first:last), value, n_used)
-            if (.not. is_strict) then
+            if (.not. is_strict(i)) then
                 if (n_used == 0) value = ieee_value(value, ieee_quiet_nan)
             else if (n_used == 0) then
                 call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a number ("// &

@@ -1,14 +1,15 @@
 !> States from a CSV file in place of the scene's own motion: a row a sample, columns as in the results.
 !>
-!> Columns are called "q NAME", "qd NAME", "qdd NAME" for every coordinate, with a unit in brackets if it is not SI; other
-!> columns are passed over, but not those that seem to be meant. With a column "time" the samples follow each other along a motion, and the scene's loads act at
-!> these instants. A motion of positions alone gets its rates from the spline that tables of motions have; one with some of
-!> the rates is refused: nothing says whether the others are zero or were forgotten. Without times each sample is on its own,
-!> at 0, and a derivative that has no column is zero. An attitude, of a link or a ball joint, may be told by its quaternion, "q NAME.qw",
-!> .., "q NAME.qz", with "omega NAME.x", .. and "alpha NAME.x", .., angular velocity and acceleration, in place of its three angles
-!> and their rates, or by its rotation matrix, "q NAME.r11", "q NAME.r12", .., "q NAME.r33", row by row. Results written
-!> with `--csv` are such a file, and what one executable computed from them another one computes from exactly the same
-!> numbers: they are read as doubles, whatever the working precision.
+!> Columns are called "q NAME", "qd NAME", "qdd NAME" for every coordinate, with a unit in brackets if it is not SI; results
+!> and words are passed over, other columns refused (`linkdyn_stray_columns`). With a column "time" the samples follow each
+!> other along a motion, and the scene's loads act at these instants. A motion of positions alone gets its rates from the
+!> spline that tables of motions have; one with some of the rates is refused: nothing says whether the others are zero or
+!> were forgotten. Without times each sample is on its own, at 0, and a derivative that has no column is zero. An attitude,
+!> of a link or a ball joint, may be told by its quaternion, "q NAME.qw", .., "q NAME.qz", with "omega NAME.x", .. and
+!> "alpha NAME.x", .., angular velocity and acceleration, in place of its three angles and their rates, or by its rotation
+!> matrix, "q NAME.r11", "q NAME.r12", .., "q NAME.r33", row by row. Results written with `--csv` are such a file, and what
+!> one executable computed from them another one computes from exactly the same numbers: they are read as doubles,
+!> whatever the working precision.
 module linkdyn_states_file
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_angles, only: quaternion_of_matrix, find_rotation_fault
@@ -22,6 +23,7 @@ module linkdyn_states_file
     use linkdyn_scene_attitudes, only: laws_through, quaternion_column
     use linkdyn_scene_laws, only: column_in_si, table_law, spline
     use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_stray_columns, only: bracket_remedy, result_words, what_is_meant, word_len
     use linkdyn_suggest, only: suggestion
     use linkdyn_table, only: table_place, find_places, attitude_at
     use linkdyn_text, only: to_text, quoted
@@ -107,7 +109,7 @@ contains
             associate (coordinate => scene%coordinate(k))
                 quantity = length
                 if (coordinate%unit == "rad") quantity = angle
-                call take_column(table, "q "//trim(coordinate%name), .true., quantity, states%q(k, :), status)
+                call take_column(table, trim(position_column(coordinate%name)), .true., quantity, states%q(k, :), status)
                 call take_column(table, "qd "//trim(coordinate%name), .false., per_second(quantity), states%qd(k, :), status)
                 call take_column(table, "qdd "//trim(coordinate%name), .false., per_second(per_second(quantity)), &
                                  states%qdd(k, :), status)
@@ -242,7 +244,8 @@ contains
         end do
     end subroutine take_matrices
 
-    !> A column that is meant for a state must not be passed over: without its times a motion is a row of poses at rest.
+    !> A column that is meant for a state must not be passed over: without its times a motion is a row of poses at rest,
+    !> and a rate that is not found is zero.
     subroutine refuse_misnamed(model, is_turned, by_angle, table, scene, status)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_turned(:), by_angle(:)    !! (attitude), (coordinate)
@@ -250,9 +253,16 @@ contains
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status
         character(len=name_len + 8), allocatable :: own(:)
+        character(len=word_len), allocatable :: words(:)
+        character(len=:), allocatable :: name, remedy
+        logical :: is_of_coordinate
         integer :: i, k, blank
 
-        own = [character(len=name_len + 8) ::]
+        words = result_words(scene)
+        own = [character(len=name_len + 8) :: "time"]
+        do k = 1, size(by_angle)
+            if (by_angle(k)) own = [own, position_column(scene%coordinate(k)%name), rate_columns(scene%coordinate(k)%name)]
+        end do
         do i = 1, size(is_turned)
             if (.not. is_turned(i)) cycle
             own = [own, quaternion_columns(model, i), rotation_columns(model, i), spin_columns(model, i)]
@@ -264,31 +274,35 @@ contains
             if (any(own == table%column(i))) cycle
             associate (column => table%column(i))
                 blank = index(column, " ")
-                if (any(column(:blank) == ["omega", "alpha"])) then
-                    call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": no attitude of that " &
-                              //"name is told by its quaternion or matrix (expected columns 'q NAME.qw' to 'q NAME.qz', or " &
-                              //"'q NAME.r11' to 'q NAME.r33', beside it)")
-                else if (all(column(:blank) /= ["q  ", "qd ", "qdd"])) then
-                    if (all(table%column /= "time") .and. looks_like_time(column)) call fail(status, status_bad_input, &
-                        trim(table%file)//": column "//quoted(column)//": instants are not called so (expected 'time')")
-                else if (all(scene%coordinate%name /= adjustl(column(blank:)))) then
-                    call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": there is no coordinate " &
-                        //quoted(adjustl(column(blank:)))//suggestion(adjustl(column(blank:)), scene%coordinate%name))
+                name = trim(adjustl(column(blank:)))
+                is_of_coordinate = any(column(:blank) == ["q  ", "qd ", "qdd"])
+                k = findloc(scene%coordinate%name == name, .true., dim=1)
+                remedy = bracket_remedy(column, own)
+                if (remedy /= "") then
+                    call refuse(remedy)
+                else if (any(column(:blank) == ["omega", "alpha"])) then
+                    call refuse("no attitude of that name is told by its quaternion or matrix (expected columns 'q NAME.qw' to " &
+                                //"'q NAME.qz', or 'q NAME.r11' to 'q NAME.r33', beside it)")
+                else if (is_of_coordinate .and. k == 0) then
+                    call refuse("there is no coordinate "//quoted(name)//suggestion(name, scene%coordinate%name))
+                else if (is_of_coordinate .and. .not. by_angle(max(k, 1))) then
+                    call refuse("stands beside the quaternion or matrix of the same attitude (expected one or the other)")
                 else
-                    k = findloc(scene%coordinate%name == adjustl(column(blank:)), .true., dim=1)
-                    if (.not. by_angle(k)) call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column) &
-                        //": stands beside the quaternion or matrix of the same attitude (expected one or the other)")
+                    call refuse(what_is_meant(table, i, own, words))
                 end if
             end associate
             if (.not. status%is_ok()) return
         end do
+
+    contains
+
+        subroutine refuse(problem)
+            character(len=*), intent(in) :: problem    !! empty: there is none
+
+            if (problem /= "") call fail(status, status_bad_input, trim(table%file)//": column "//quoted(table%column(i)) &
+                                         //": "//problem)
+        end subroutine refuse
     end subroutine refuse_misnamed
-
-    pure logical function looks_like_time(column)
-        character(len=*), intent(in) :: column
-
-        looks_like_time = any(column == ["t   ", "T   ", "Time", "TIME"]) .or. suggestion(column, ["time"]) /= ""
-    end function looks_like_time
 
     !> All rates of a motion are there, or none.
     subroutine find_out_rates(model, is_turned, by_angle, table, scene, has_none, status)
@@ -315,6 +329,14 @@ contains
         call fail(status, status_bad_input, trim(table%file)//": a motion with some of the rates, but no column " &
                   //quoted(rate(findloc(is_there, .false., dim=1)))//" (expected all of them, or positions alone)")
     end subroutine find_out_rates
+
+    !> Name of the column that has a coordinate.
+    pure function position_column(coordinate) result(column)
+        character(len=*), intent(in) :: coordinate
+        character(len=name_len + 8) :: column
+
+        column = "q "//coordinate
+    end function position_column
 
     !> Names of the columns that have a coordinate's rate and acceleration.
     pure function rate_columns(coordinate) result(column)
@@ -384,8 +406,8 @@ contains
         type(quantity_type), intent(in) :: quantity
         real(wp), intent(out) :: values(:)
         type(status_type), intent(inout) :: status
+        type(table_spec) :: strict
         real(wp), allocatable :: found(:)
-        integer :: i
 
         values = 0
         if (.not. status%is_ok()) return
@@ -393,11 +415,10 @@ contains
         call column_in_si(table, name, quantity, found, status)
         if (.not. status%is_ok()) return
         values = found
-        do i = 1, size(values)
-            if (ieee_is_finite(values(i))) cycle
-            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(i))//": column "//quoted(name) &
-                      //": not a finite number (expected one, with a decimal point)")
-            return
-        end do
+        if (all(ieee_is_finite(values))) return
+        ! Words were let through; the reader of tables says which stands here in place of a number.
+        call read_csv(table%file, "--states: "//quoted(table%file), strict, status, takes_text=.true., but_in=name)
+        if (status%is_ok()) call fail(status, status_bad_input, trim(table%file)//": column "//quoted(name) &
+                                      //": not a finite number (expected one)")
     end subroutine take_column
 end module linkdyn_states_file

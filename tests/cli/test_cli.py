@@ -111,12 +111,23 @@ def test_states_are_the_motion(tmp_path):
     for name in ("degrees", "radians"):
         assert run("inverse", scene, "--states", f"{name}.csv", "--csv", "-o", f"{name}_out.csv", "-q", cwd=tmp_path).returncode == DONE
     assert (tmp_path / "degrees_out.csv").read_text() == (tmp_path / "radians_out.csv").read_text()
-    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3"),
+    for text, *fragments in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3"),
                            ("q J1,qd J\n1,2\n", "column 'qd J': there is no coordinate 'J'; did you mean 'J1'?"),
                            ("t [ms],q J1\n1,2\n", "column 't': instants are not called so (expected 'time')"),
-                           ("tmie,q J1\n1,2\n", "column 'tmie': instants are not called so")):
+                           ("tmie,q J1\n1,2\n", "column 'tmie': instants are not called so"),
+                           ("Zeit [s],q J1\n1,2\n", "column 'Zeit': instants are not called so (expected 'time')"),
+                           ("q J1,Qd J1\n1,2\n", "column 'Qd J1'", "did you mean 'qd J1'?"),
+                           ("q J1;Qd J1\n1;2,5\n", "column 'Qd J1'", "did you mean 'qd J1'?"),
+                           ("q J1,qdd J1,dq J1\n1,2,3\n", "did you mean 'qd J1'?"),
+                           ("q J1,qd  J1\n1,2\n", "did you mean 'qd J1'?"),
+                           ("q J1,rate J1\n1,2\n", "column 'rate J1': no state and no result of the scene is called so"),
+                           ("q J1 (deg)\n1\n", "the unit belongs in square brackets: 'q J1 [deg]'"),
+                           ("time (s),q J1\n0,1\n1,2\n", "the unit belongs in square brackets: 'time [s]'"),
+                           ("q J1;note\n1;a\n1,5;b\n", "bad.csv:3: column 'q J1'", "expected a decimal point, not a comma"),
+                           ("q J1\n1\n1,5\n", "bad.csv:3", "if these are decimal commas"),
+                           ("q J1 [Grad]\n90\n", "did you mean 'deg'?")):
         (tmp_path / "bad.csv").write_text(text)
-        refused(run("inverse", scene, "--states", "bad.csv", cwd=tmp_path), "bad.csv", fragment)
+        refused(run("inverse", scene, "--states", "bad.csv", cwd=tmp_path), "bad.csv", *fragments)
     refused(run("forward", scene, "--states", "a.csv", cwd=tmp_path), "--states", "linkdyn inverse")
 
 
