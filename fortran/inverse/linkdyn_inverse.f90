@@ -76,15 +76,7 @@ module linkdyn_inverse
             type(assembly_trail), intent(inout), optional :: trail
         end subroutine place_by_record
 
-        !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
-        !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
-        pure module logical function is_worth_recording(model, solver, n)
-            type(model_type), intent(in) :: model
-            type(inverse_solver), intent(in) :: solver
-            integer, intent(in) :: n                               !! samples
-        end function is_worth_recording
-
-        !> The record for the results wanted, made when they are wanted first; null if the scene has none.
+        !> The record for the results wanted, made when they are wanted first of a batch that is worth it; null if there is none.
         recursive module subroutine need_record(model, solver, results, q, recorded)
             type(model_type), intent(in) :: model
             type(inverse_solver), intent(in) :: solver
@@ -93,7 +85,7 @@ module linkdyn_inverse
             type(recorded_forces), pointer, intent(out) :: recorded
         end subroutine need_record
 
-        !> The record of margins, by which a motion is followed; null if there is none.
+        !> The record of margins, by which a motion is followed, made likewise; null if there is none.
         recursive module subroutine need_margins(model, solver, q, recorded)
             type(model_type), intent(in) :: model
             type(inverse_solver), intent(in) :: solver
@@ -250,7 +242,7 @@ contains
             if (present(quaternion)) all_turned = all([(motion%is_turned(i), i=1, n)])
             if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
                 call need_closer(model, solver, q, closer)
-            if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
+            if (associated(solver%records) .and. .not. &
                 (stands_in(model, own) .or. present(known) .or. all_turned .or. present(given_force))) then
                 call need_record(model, solver, results, q, recorded)
                 if (present(trail) .and. n > 0) call need_margins(model, solver, q, by_record%record)

@@ -33,8 +33,9 @@ contains
 
         n = size(q, 2)
         nullify (recorded, margins, closer)
-        if (is_worth_placing(model, n)) then
-            if (associated(solver%places%closing)) call need_closer(model, solver, q, closer)
+        if (associated(solver%places%closing) .and. max(n, solver%n_expected) >= worth_closing) &
+            call need_closer(model, solver, q, closer)
+        if (associated(solver%records)) then
             call need_record(model, solver, results, q, recorded)
             if (present(trail)) call need_margins(model, solver, q, by_record%record)
             if (associated(by_record%record)) margins => by_record
@@ -62,30 +63,28 @@ contains
         end if
     end procedure place_by_record
 
-    !> Of the time that lanes take to place that many samples about as much goes into making the programs.
-    pure logical function is_worth_placing(model, n)
+    !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is made for
+    !> batches that take lanes as long, which are as large for 60 links as for 600, and serves from then on. Groups closed by iteration
+    !> have to be led to its representative poses, each from the start.
+    pure logical function is_worth_recording(model, solver, n, is_there)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: n                               !! samples
-        integer, parameter :: worth_recording = 4096
-
-        is_worth_placing = n >= merge(worth_closing, worth_recording, size(model%group) > 0)
-    end function is_worth_placing
-
-    module procedure is_worth_recording
-        integer, parameter :: samples_a_link = 50, worth_leading = 128
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: n                               !! samples of this batch and those to come
+        logical, intent(in) :: is_there                        !! it has been made for a batch before
+        integer, parameter :: worth_writing = 4000, worth_leading = 128
         integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
 
-        is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
+        is_worth_recording = (model%n_link <= few_links .or. is_there .or. n >= worth_writing) &
                              .and. (size(model%group) == 0 .or. n >= worth_leading) &
                              .and. (solver%equations%solver /= solver_reduced .or. n >= worth_tracing)
-    end procedure is_worth_recording
+    end function is_worth_recording
 
     module procedure need_record
         type(result_list) :: list
 
         call list_results(results, 0, list)
         nullify (recorded)
-        if (list%n > 0) call find_or_make(model, solver, list%id(:list%n), q, recorded)
+        if (list%n > 0) call find_or_make(model, solver, list%id(:list%n), q, .false., recorded)
     end procedure need_record
 
     module procedure need_margins
@@ -93,21 +92,30 @@ contains
 
         nullify (recorded)
         if (model%n_branch > 0 .and. size(q, 2) >= many) &
-            call find_or_make(model, solver, of_margins, q, recorded)
+            call find_or_make(model, solver, of_margins, q, .false., recorded)
     end procedure need_margins
 
-    recursive subroutine find_or_make(model, solver, wanted, q, recorded)
+    !> The record for some results, if the batch, or the caller, finds it worth while.
+    recursive subroutine find_or_make(model, solver, wanted, q, is_worth, recorded)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        logical, intent(in) :: is_worth                        !! whatever the batch
         type(recorded_forces), pointer, intent(out) :: recorded
+        logical :: is_asked
 
         call hold_records()
         recorded => solver%records%find(wanted)
-        if (.not. associated(recorded)) call make_record(model, solver, wanted, q, recorded)
+        is_asked = is_worth
+        if (.not. is_worth) &
+            is_asked = is_worth_recording(model, solver, max(size(q, 2), solver%n_expected), associated(recorded))
+        if (is_asked .and. .not. associated(recorded)) call make_record(model, solver, wanted, q, recorded)
         call release_records()
-        if (.not. recorded%is_usable) nullify (recorded)
+        if (.not. is_asked) nullify (recorded)
+        if (associated(recorded)) then
+            if (.not. recorded%is_usable) nullify (recorded)
+        end if
     end subroutine find_or_make
 
     module procedure look_for_record
@@ -119,7 +127,7 @@ contains
         is_refuted = .false.
         call prepare_inverse(model, inverse_options(solver=solver_elimination), any(wanted == result_reaction), solver, status)
         if (.not. status%is_ok()) return
-        call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), recorded)
+        call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), .true., recorded)
         is_there = associated(recorded)
         if (.not. is_there .and. size(model%group) > 0 .and. allocated(solver%places%poses%q)) &
             is_uncertain = all(status_for_record(model, solver%places%poses%assembly) /= sample_ok)
