@@ -1,6 +1,6 @@
 !> Coordinates of a scene file and their motion.
 module linkdyn_scene_motion
-    use linkdyn_angles, only: angles_by_spin, is_near_pole
+    use linkdyn_angles, only: angles_by_spin, is_near_pole, matrix_of_angles
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
@@ -178,9 +178,31 @@ contains
         end do
         call read_pose_start(place, scene%planar, coordinate, status)
         call read_pose_motion(place, scene%planar, components, shelf, coordinate, status)
+        call begin_at_link(place, scene, link, [0.0_wp, 0.0_wp, 0.0_wp], components, coordinate)
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
+
+    !> Where neither a start nor a motion says where a pose begins, that is where the link's own start has it.
+    subroutine begin_at_link(place, scene, link, point, components, coordinate)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link
+        real(wp), intent(in) :: point(3)               !! of the link, whose place x y z are, in its axes [m]
+        integer, intent(in) :: components(:)           !! of x y z roll pitch yaw, as the frame sees them
+        type(coordinate_spec), intent(inout) :: coordinate(:)
+        type(toml_node) :: motion
+        real(wp) :: start(6)
+
+        motion = place%node%get("motion")
+        if (motion%is_present() .or. .not. scene%link(link)%has_start) return
+        start = scene%link(link)%start
+        start(:3) = start(:3) + matmul(matrix_of_angles(start(4:)), point)
+        where (.not. coordinate%has_start)
+            coordinate%start_position = start(components)
+            coordinate%has_start = .true.
+        end where
+    end subroutine begin_at_link
 
     subroutine refuse_frame(place, key, link, status)
         type(scene_place), intent(in) :: place
@@ -205,6 +227,7 @@ contains
         type(joint_spec) :: part
         type(quantity_type) :: quantity
         type(toml_node) :: node, start
+        real(wp) :: point(3)
         type(scene_place) :: inner
         character(len=:), allocatable :: name
         integer, allocatable :: components(:)
@@ -270,6 +293,9 @@ contains
             end do
         end if
         call read_pose_motion(place, scene%planar, components, shelf, coordinate(:n), status)
+        point = 0
+        if (marker > 0) point = scene%link(link)%marker(marker)%at
+        if (reference == frame_link) call begin_at_link(place, scene, link, point, components, coordinate(:n))
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate(:n)%is_driven = coordinate(1)%is_driven
     end subroutine read_part_of_pose

@@ -56,6 +56,36 @@ def test_delta_by_its_tool() -> None:
     compare(scene, scene.inverse(), other, "platform.tool", "xyz")
 
 
+@pytest.mark.parametrize(("leader", "height"), [({"marker": "platform.tool"}, -0.79), ({"link": "platform"}, -0.75)])
+def test_a_pose_begins_where_its_link_starts(leader: dict[str, str], height: float) -> None:
+    """The platform's start is 0.75 m below the motors, its tool 40 mm lower; the coordinates say nothing, or something else of one."""
+    scene = led("delta", [leader | {"components": ["x", "y", "z"]}])
+    np.testing.assert_allclose(scene.simulator().q, [0.0, 0.0, height], atol=1e-15)
+    scene = led("delta", [leader | {"components": ["x", "y", "z"], "start": {"x": 0.01, "y": {"velocity": 0.2}}}])
+    np.testing.assert_allclose(scene.simulator().q, [0.01, 0.0, height], atol=1e-15)
+    moved = led("delta", [leader | {"components": ["x", "y", "z"], "motion": {"x": 0.0, "y": 0.0, "z": -0.7}}])
+    np.testing.assert_allclose(moved.simulator().q, [0.0, 0.0, -0.7], atol=1e-15)
+
+
+def test_a_free_body_begins_where_its_link_starts() -> None:
+    """All six components, of its origin and of a marker; the attitude turns what leads there."""
+    angles = np.array([0.3, -0.4, 1.1])
+    roll, pitch, yaw = angles
+    turn = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
+    turn = turn @ [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    turn = turn @ [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]
+    body = {
+        "name": "body",
+        "mass": 1.0,
+        "inertia": {"diagonal": [0.1, 0.2, 0.25]},
+        "markers": {"tip": [0.1, 0.2, 0.3]},
+        "start": {"position": [1.0, 2.0, 3.0], "angles": list(angles)},
+    }
+    for leader, place in (({"link": "body"}, np.zeros(3)), ({"marker": "body.tip"}, turn @ [0.1, 0.2, 0.3])):
+        scene = linkdyn.Scene({"title": "a body", "space": "spatial", "gravity": [0, 0, 0], "link": [body], "coordinate": [leader]})
+        np.testing.assert_allclose(scene.simulator().q, [*(place + [1.0, 2.0, 3.0]), *angles], atol=1e-15)
+
+
 def tripod_by_legs() -> linkdyn.Scene:
     return led("tripod", [{"joint": f"leg{k}", "start": "632.455532 mm"} for k in (1, 2, 3)])
 
