@@ -208,7 +208,9 @@ class RunTemplate:
         wrench
             (N, component) loads that were given, by their markers, world axes.
         """
-        variables: dict[str, Any] = {name: (dims, arrays[name], attributes) for name, dims, attributes in self._variables}
+        variables: dict[str, Any] = {
+            name: (dims, arrays[name], attributes) for name, dims, attributes in self._variables if name in arrays
+        }  # samples given in order have no clock of their own
         if wrench:
             variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
                 "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})

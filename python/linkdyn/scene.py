@@ -26,6 +26,7 @@ from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
 from ._keys import told_by_keys
+from ._other_assemblies import count_others
 from ._output import scene_inputs
 from ._pose import Pose, as_poses, attitude_variables, pose_columns, quaternion_of
 from ._progress import Progress
@@ -474,6 +475,7 @@ class Scene:
         pose: Mapping[str, Pose] | None = None,
         wrench: Mapping[str, ArrayLike] | None = None,
         t: ArrayLike | None = None,
+        in_order: bool | None = None,
         want: str | Iterable[str] | None = None,
         solver: str = "elimination",
         threads: int = 1,
@@ -501,6 +503,9 @@ class Scene:
         t
             (N,) or one instant [s] at which the scene's loads act, with ``q`` kept in the results as the coordinate ``instant``; default: the
             scene's instants without ``q``, else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
+        in_order
+            The samples follow each other along a motion that begins at the start of the scene, and so does the assembly, as in `poses`;
+            otherwise each is on the branch of the start. Default: only without ``q`` and ``pose``.
         want
             "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "rcond", "singularity_distance" or
             several of them, or "all": the first seven (solver lapack has "rcond" among its checks); default: all that the solver
@@ -518,9 +523,11 @@ class Scene:
         -------
         xarray.Dataset
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
-            A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
+            A sample that failed is NaN, its ``status`` is not 0. Of samples in order "assembly" says of a sample whether a change
             point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
-            was, or which law or spring left a sample undefined. ``attrs["beyond_stops"]`` names end stops with
+            was, or which law or spring left a sample undefined. ``attrs["other_in_order"]`` of samples on their own counts those to
+            which the way from the start leads on another assembly, past a change point: looked for where there is one coordinate, whose
+            samples lie on one way, or where ``t`` increases; a warning says so. ``attrs["beyond_stops"]`` names end stops with
             `restitution` that the motion passes.
 
         Raises
@@ -531,7 +538,8 @@ class Scene:
         if q is None and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
         along_motion = q is None and pose is None
-        job = self._job(want, solver, wrench, along_motion, error)
+        follows = along_motion if in_order is None else as_flag("in_order", in_order)
+        job = self._job(want, solver, wrench, follows, error)
         if along_motion:
             instants = self.times() if t is None else self._instants(t)
             *motion, load, attitude = self._motion(job.handle, instants, job.n_load)
@@ -544,16 +552,22 @@ class Scene:
                 given, attitude = self._given(q, qd, qdd), _bind.NO_ATTITUDE
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
-        outputs, roads, passed, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t), attitude)
+        outputs, roads, passed, failure = self._run(
+            job, threads, given, load, extra, self._instant_or_0(t), attitude, in_order=follows
+        )
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, passed, told)
-        if t is not None and not along_motion:
+        if along_motion and not follows:
+            data = with_instants(data, given["time"])
+        elif t is not None and not along_motion:
             data = with_instants(data, self._instants(t))
         if pose:
             data = data.assign(attitude_variables(pose))
         data.encoding |= self._origin
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
+        if not follows and pose is None and self._has_assemblies:
+            data.attrs["other_in_order"] = count_others(self, given["q"], data.status.values, None if t is None else self._instants(t))
         if any(stop["is_hard"] for stop in self.description["stops"]):
             data.attrs["beyond_stops"] = passed_stops(self.description, data)
         return data
@@ -945,6 +959,7 @@ class Scene:
         *,
         wrench: Mapping[str, ArrayLike] | None = None,
         t: ArrayLike | None = None,
+        in_order: bool = False,
         want: str | Iterable[str] | None = "driving_force",
         solver: str = "elimination",
         threads: int = 1,
@@ -959,6 +974,8 @@ class Scene:
         ----------
         q, qd, qdd, wrench, t, solver, threads, error
             As in `inverse`.
+        in_order
+            The samples follow each other along a motion from the start of the scene, and so does the assembly, which is among the results.
         want
             As in `inverse`; default: the driving forces alone.
 
@@ -983,28 +1000,29 @@ class Scene:
         (1, 6)
         """
         self._require_instants(t)
-        job = self._job(want, solver, wrench, False, error)
+        follows = as_flag("in_order", in_order)
+        job = self._job(want, solver, wrench, follows, error)
         given = self._given(q, qd, qdd)
         n = len(given["q"])
         loads = self._loads_at(job, t, n)
-        return self._run(job, threads, given, loads, self._wrenches(wrench, n), self._instant_or_0(t))[0]
+        return self._run(job, threads, given, loads, self._wrenches(wrench, n), self._instant_or_0(t), in_order=follows)[0]
 
     def _job(
         self,
         want: str | Iterable[str] | None,
         solver: str,
         wrench: Mapping[str, ArrayLike] | None,
-        along_motion: bool,
+        in_order: bool,
         error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
         markers = () if wrench is None else tuple(as_mapping("wrench", wrench, 'marker names such as "platform.tool" with their values'))
         wanted, solver, has_errors = as_names("want", want), as_name("solver", solver), as_flag("error", error)
-        key = (wanted, solver, markers, along_motion, has_errors)
+        key = (wanted, solver, markers, in_order, has_errors)
         job = self._jobs.get(key)
         if job is None:
             handle, n_load = self._with_loads(markers)
-            schema = _bind.describe_results(handle, solver, wanted, along_motion, error=has_errors)
+            schema = _bind.describe_results(handle, solver, wanted, in_order, error=has_errors)
             shapes = result_shapes(schema)
             n_bytes = sum(math.prod(shape) * np.dtype(dtype).itemsize for shape, dtype in shapes.values())
             load = _bind.loads(handle, np.zeros(1), n_load)
@@ -1012,6 +1030,11 @@ class Scene:
             job = _Job(handle, n_load, _bind.Inverse(handle, solver, shapes), shapes, n_bytes, load, template)
             self._jobs[key] = job
         return job
+
+    @cached_property
+    def _has_assemblies(self) -> bool:
+        """Do loops close in several ways?"""
+        return "assembly" in result_shapes(_bind.describe_results(self._handle, "elimination", "driving_force", True))
 
     def _with_loads(self, markers: tuple[str, ...]) -> tuple[int, int]:
         """Handle and number of loads of the scene with loads at these markers too."""
@@ -1068,6 +1091,8 @@ class Scene:
         wrench: dict[str, NDArray[np.float64]],
         t: NDArray[np.float64],
         attitude: NDArray[np.float64] | None = None,
+        *,
+        in_order: bool,
     ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], int, str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
@@ -1077,8 +1102,7 @@ class Scene:
         n, threads = len(given["q"]), as_count("threads", threads)
         _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
-        in_order = "time" in given
-        t = given["time"] if in_order else t
+        t = given.get("time", t)
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
         roads, failure, passed = np.zeros(3, dtype=np.intc), "", 0
@@ -1091,7 +1115,7 @@ class Scene:
             taken, passed, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
             if lost and not failure:
-                place = f"t = {given['time'][lost - 1]:.6g} s" if in_order else f"sample {first + lost - 1}"
+                place = f"t = {given['time'][first + lost - 1]:.6g} s" if "time" in given else f"sample {first + lost - 1}"
                 failure = f"{place}: {why}"
         return outputs, roads, passed, failure
 

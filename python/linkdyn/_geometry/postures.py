@@ -119,7 +119,7 @@ def placed_poses(scene: Scene, run: xr.Dataset, caller: str) -> Poses:
 
 
 def _led_poses(scene: Scene, run: xr.Dataset) -> Poses:
-    return scene.poses(np.nan_to_num(run.q.values), in_order="time" in run.coords)
+    return scene.poses(np.nan_to_num(run.q.values), in_order="time" in run.coords or "assembly" in run)
 
 
 def _as_told(led: Poses, told: Poses) -> Poses:
