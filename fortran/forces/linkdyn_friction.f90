@@ -226,8 +226,8 @@ contains
         end if
     end subroutine pass_belt
 
-    !> Surfaces that may stick of a joint without variables. What teeth lose hangs on which way power flows: while they are held it is not
-    !> asked for, and their force is what is felt.
+    !> Surfaces that may stick of a joint without variables. What teeth lose hangs on which way power flows: while they are held it
+    !> is not asked for, and their force is what is felt.
     subroutine pass_one_way(mechanism, i, sense, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i                       !! contact
@@ -250,8 +250,8 @@ contains
         end associate
     end subroutine pass_one_way
 
-    !> Along which such surfaces slide, or about which wheels turn against each other: a unit vector, world axes. Of teeth and belts it is
-    !> fixed in the carrier.
+    !> Along which such surfaces slide, or about which wheels turn against each other: a unit vector, world axes. Of teeth and belts
+    !> it is fixed in the carrier.
     function surface_way(mechanism, i) result(way)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i                       !! contact

@@ -154,8 +154,8 @@ contains
             end do
         end subroutine look_along
 
-        !> What presses teeth that are held by what they lose the way in which they would break loose, against what holds them: that hangs
-        !> on who would drive.
+        !> What presses teeth that are held by what they lose the way in which they would break loose, against what holds them: that
+        !> hangs on who would drive.
         subroutine press_as_held()
             real(wp) :: feels(n_press)
             integer :: lane

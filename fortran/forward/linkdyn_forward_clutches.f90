@@ -372,7 +372,8 @@ contains
         logical, intent(inout) :: holds(:, :)          !! those that must slip do not; then those that hold (lane, n_held)
         real(wp), intent(inout) :: sense(:, :)         !! of those that must slip; then of all that slip (lane, n_held)
         real(wp), dimension(lanes, size(holds, 2)) :: none, away, told_sense
-        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n), first_sense(size(holds, 2)), lever(size(holds, 2))
+        real(wp), dimension(lanes, size(is_free, 2)) :: grip, moves
+        real(wp) :: rate(lanes, self%n), first_sense(size(holds, 2)), lever(size(holds, 2))
         integer :: lead(size(holds, 2))
         logical, dimension(lanes, size(is_free, 2)) :: may_hold, seems_held
         logical :: failed(lanes), told_holds(lanes, size(holds, 2)), first_holds(size(holds, 2))
@@ -395,10 +396,13 @@ contains
             if (is_concerned(lane)) call share(lane)
         end do
         if (.not. has_sticking(self%model)) return
-        ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip.
+        ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip, and the way in which
+        ! they then do.
         seems_held = self%clutch%holds
         call self%evaluate_on_lanes(t, y, rate, failed)
         grip = self%clutch%capacity
+        call self%look_closely(t, y, self%workspace%acceleration)
+        moves = slips(self%model, self%look, level_given)
         do lane = 1, lanes
             if (.not. is_concerned(lane) .or. .not. any(is_free(lane, :) .and. .not. seems_held(lane, :))) cycle
             first_holds = holds(lane, :)
@@ -407,12 +411,22 @@ contains
             sense(lane, :) = told_sense(lane, :)
             call share(lane)
             if (count(holds(lane, :)) > count(first_holds)) cycle
+            if (count(holds(lane, :)) == count(first_holds) .and. goes_back(lane)) cycle
             holds(lane, :) = first_holds
             sense(lane, :) = first_sense
             call take(lane)
         end do
 
     contains
+
+        !> Does what was found to slip at first go the other way?
+        logical function goes_back(lane)
+            integer, intent(in) :: lane
+            real(wp), parameter :: rounded = 1.0e-9_wp
+
+            goes_back = any(is_free(lane, :) .and. .not. (seems_held(lane, :) .or. goes_with_others(self%model%scene)) &
+                            .and. first_sense(n + 1:)*moves(lane, :) < -rounded*maxval(abs(away(lane, :))))
+        end function goes_back
 
         subroutine share(lane)
             integer, intent(in) :: lane

@@ -1,12 +1,13 @@
-!> How surfaces slip of joints that have no variables: teeth and belts, by how their wheels turn in the carrier, and cams in a plane, or under
-!> a roller, by how their follower passes them where both touch. The same as `linkdyn_friction` has it, with a sign, and with its
+!> How surfaces slip of joints that have no variables: teeth and belts, by how their wheels turn in the carrier, and cams in a
+!> plane, or under a roller, by how their follower passes them where both touch. As `linkdyn_friction` has it, with a sign and its
 !> derivative, on lanes.
 !>
-!> Of teeth and belts the slip is linear in rates of joint variables, with constants. Of a cam, seen from it, with the axis z, the
-!> normal n, t = z x n, and of the follower's point the velocity v, s = t.v - R w.z, R to where a roller touches. The normal turns about z,
-!> so t changes along n: along which a point and a roller's centre have no velocity, but a face has, whose t turns as it does.
+!> Of teeth and belts the slip is linear in rates of joint variables, with constants. Of a cam, seen from it, with the normal n, the
+!> axis z of a disc, or from that of a drum outwards, t = z x n, the follower's velocity v and angular velocity w, s = t.v - R w.z,
+!> R to where a roller touches. As t turns about z it changes along n, along which points and centres of rollers have no velocity,
+!> but a face has, whose t turns as it does. Round a drum all turns about the drum's axis besides.
 module linkdyn_surface_slip
-    use linkdyn_cam_contact, only: cam_contact, contact_of, marker_axis
+    use linkdyn_cam_contact, only: cam_contact, contact_of, marker_axis, marker_place
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_joint_table, only: joint_cam, joint_n_variable
     use linkdyn_kinds, only: wp
@@ -17,15 +18,15 @@ module linkdyn_surface_slip
     use linkdyn_place_motion, only: seen_motion
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: measure_spec, measure_marker, follower_flat, follower_roller
-    use linkdyn_vec3, only: vec3, operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
+    use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
     public :: surface_slip, leads_slip, only_coordinate
 
 contains
 
-    !> Slip [m/s; of wheels that turn against each other rad/s]; at level k for a unit rate of coordinate k; at the level of what is given its
-    !> derivative. Needs angular rates in world axes.
+    !> Slip [m/s; of wheels that turn against each other rad/s]; at level k for a unit rate of coordinate k; at the level of what is
+    !> given its derivative. Needs angular rates in world axes.
     function surface_slip(model, state, j, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -63,24 +64,42 @@ contains
         real(wp) :: rate(lanes)
         type(cam_contact) :: contact
         type(measure_spec) :: follower
-        type(vec3) :: axis
-        real(wp) :: reach
+        type(vec3) :: axis, across, way, point, spin
+        real(wp) :: reach, far(lanes)
 
         associate (spec => model%scene%joint(j))
-            contact = contact_of(model, state, j)
-            axis = marker_axis(model, state, j, 1, 3)
             follower%kind = measure_marker
             follower%link = spec%link
             follower%marker = spec%marker
-            rate = (axis.cross.contact%normal) .dot.seen_motion(model, state, follower, level)
-            if (spec%cam%follower == follower_roller .and. .not. spec%cam%is_groove) then
-                reach = spec%cam%side*spec%cam%radius
-                rate = rate - reach*(axis.dot.turning_seen(model, state, spec%link, level))
-            else if (spec%cam%follower == follower_flat .and. level == level_given) then
-                rate = rate - (axis.dot.turning_seen(model, state, spec%link, level_velocity)) &
-                       *(contact%normal.dot.seen_motion(model, state, follower, level_velocity))
+            reach = 0
+            if (spec%cam%follower == follower_roller .and. .not. spec%cam%is_groove) reach = spec%cam%side*spec%cam%radius
+            contact = contact_of(model, state, j)
+            axis = marker_axis(model, state, j, 1, 3)
+            across = axis
+            if (spec%cam%is_barrel) call look_outwards()
+            way = across.cross.contact%normal
+            rate = (way.dot.seen_motion(model, state, follower, level)) &
+                   - reach*(across.dot.turning_seen(model, state, spec%link, level))
+            if (level /= level_given .or. .not. (spec%cam%is_barrel .or. spec%cam%follower == follower_flat)) return
+            point = seen_motion(model, state, follower, level_velocity)
+            spin = turning_seen(model, state, spec%link, level_velocity)
+            if (spec%cam%is_barrel) then
+                rate = rate + ((axis.cross.across) .dot.point)/far &
+                       *(((axis.cross.way) .dot.point) - reach*((axis.cross.across) .dot.spin))
+            else
+                rate = rate - (axis.dot.spin)*(contact%normal.dot.point)
             end if
         end associate
+
+    contains
+
+        !> From a drum's axis to its follower.
+        subroutine look_outwards()
+            across = marker_place(model, state, j, 2) - marker_place(model, state, j, 1)
+            across = across - (axis.dot.across)*axis
+            far = sqrt(across.dot.across)
+            across = (1/far)*across
+        end subroutine look_outwards
     end function slip_on_cam
 
     !> How the second link turns as the first one sees it.

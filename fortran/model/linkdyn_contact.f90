@@ -68,7 +68,7 @@ module linkdyn_contact
         integer :: carrier = 0                !! of teeth and belts that may stick: the link in which both wheels turn
         real(wp) :: way(3) = 0                !! along which they slide, or about which their wheels turn against each other, as a
                                               !! force above zero drives the second; carrier axes
-        real(wp) :: spin(3, 2) = 0            !! what the angular velocity of each wheel in the carrier adds to the speed along that [m]
+        real(wp) :: spin(3, 2) = 0            !! what each wheel's angular velocity in the carrier adds to the speed along that [m]
         real(wp) :: slide_damping = 0         !! [N s/m]
         real(wp) :: turn_damping = 0          !! [N m s]
     end type contact_type
@@ -177,8 +177,8 @@ contains
         is_mesh = any(contact%form == [form_mesh, form_worm, form_belt])
     end function is_mesh
 
-    !> Surfaces of a joint that has no variables, teeth, a belt, a cam: what slips is told by the surfaces alone. With a `radius` wheels turn
-    !> against each other, without they slide.
+    !> Surfaces of a joint that has no variables, teeth, a belt, a cam: what slips is told by the surfaces alone. With a `radius`
+    !> wheels turn against each other, without they slide.
     elemental logical function is_bare(contact)
         type(contact_type), intent(in) :: contact
 
@@ -196,8 +196,8 @@ contains
     end function sliding_coefficient
 
     !> Speed of the surface over that of a joint variable along which it slides: `part` 1 is the first of them. Of hinges, guides and
-    !> threads there is one; of a joint without variables that is how its surfaces pass each other. The sum of squares over all of them is the
-    !> square of the speed of the surface.
+    !> threads there is one; of a joint without variables that is how its surfaces pass each other. The sum of squares over all of
+    !> them is the square of the speed of the surface.
     pure elemental real(wp) function lever_of(contact, part) result(lever)
         type(contact_type), intent(in) :: contact
         integer, intent(in) :: part

@@ -63,8 +63,8 @@ contains
         end if
     end function wheels_of
 
-    !> While pitch circles go round wheels turn against each other; a worm's thread slides on its wheel, and the wheels of an open belt pass
-    !> each other half way between their axes.
+    !> While pitch circles go round wheels turn against each other; a worm's thread slides on its wheel, and the wheels of an open
+    !> belt pass each other half way between their axes.
     pure subroutine find_way(gear, contact)
         type(gear_type), intent(in) :: gear
         type(contact_type), intent(inout) :: contact   !! the rest of it is known

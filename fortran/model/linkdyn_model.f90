@@ -107,9 +107,9 @@ module linkdyn_model
         real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
         real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
         real(wp) :: marker(3, 2) = 0          !! points of both markers; carrier axes [m]
-        real(wp) :: spin(3, 2) = 0            !! angular velocities of the wheels, none of a rack, while the pitch circles go round with
-                                              !! unit speed, as a force above zero drives the second; carrier axes [1/m]
-        real(wp), allocatable :: pace(:, :)   !! what the joint variables' rates make of that speed, seen at each wheel (n_variable, 2)
+        real(wp) :: spin(3, 2) = 0            !! angular velocities of the wheels, none of a rack, while the pitch circles go round
+                                              !! with unit speed, as a force above zero drives the second; carrier axes [1/m]
+        real(wp), allocatable :: pace(:, :)   !! what the joint variables' rates make of that speed, at each wheel (n_variable, 2)
         real(wp) :: curvature(2) = 0          !! of teeth: what each wheel adds to how fast both turn against each other, over the speed
                                               !! of the pitch circles; below zero of a ring, zero of a rack; of a belt 1/radius [1/m]
         real(wp) :: distance = 0              !! between the axes of a belt's wheels [m]

@@ -462,7 +462,7 @@ module linkdyn_scene
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
         integer :: measure(2) = 0                 !! of what is held: joint variables, or how two markers stand to each other
         integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
-        logical :: is_bare = .false.              !! the joint has no variables, as gears, belts and cams: surfaces slip that rub there
+        logical :: is_bare = .false.              !! the joint has no variables, as gears, belts and cams: what slips are surfaces
         integer :: lead = 0                       !! of all whose joint variables rest and break loose together the first; itself: it
                                                   !! does so alone, or it is the first
         integer :: event = 0                      !! whose formula is the slip; several that close together have one

@@ -3,7 +3,7 @@ module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
     use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, joint_cylindrical, joint_gear, is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, friction_spec, cam_spec, joint_revolute, joint_universal, joint_prismatic, &
+    use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, &
         joint_spherical, joint_kind_name, follower_roller
     use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_flag
     use linkdyn_scene_clutches, only: add_sticking
@@ -91,28 +91,14 @@ contains
                 call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
             else if (friction%sticks .and. .not. has_coulomb) then
                 call refuse_missing(place, "coulomb", "the coefficient with which it sticks", status)
-            else if (friction%sticks .and. joint%kind == joint_cam) then
-                call refuse_sticking_cam(place, joint%cam, scene%planar, status)
+            else if (friction%sticks .and. joint%kind == joint_cam .and. .not. scene%planar &
+                     .and. joint%cam%follower /= follower_roller) then
+                call refuse_value(place, "sticking", place%node%get("sticking"), "is for cams under a roller: in space what "// &
+                    "else follows one slides across its curve, too (expected a roller, or a planar scene)", status)
             end if
             if (.not. has_coulomb) call refuse_what_presses(place, joint%kind, status)
         end associate
     end subroutine read_friction
-
-    !> Of a cam in space surfaces slide along its curve alone under a roller.
-    subroutine refuse_sticking_cam(place, cam, planar, status)
-        type(scene_place), intent(in) :: place
-        type(cam_spec), intent(in) :: cam
-        logical, intent(in) :: planar
-        type(status_type), intent(inout) :: status
-
-        if (cam%is_barrel) then
-            call refuse_value(place, "sticking", place%node%get("sticking"), "is not for curves round a drum "// &
-                "(expected a disc)", status)
-        else if (.not. (planar .or. cam%follower == follower_roller)) then
-            call refuse_value(place, "sticking", place%node%get("sticking"), "is for cams under a roller: in space what else "// &
-                "follows one slides across its curve, too (expected a roller, or a planar scene)", status)
-        end if
-    end subroutine refuse_sticking_cam
 
     !> Viscous friction does not depend on what presses: keys that tell how would be ignored beside it alone.
     subroutine refuse_what_presses(place, kind, status)

@@ -15,8 +15,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_cam_friction import MASS, MU, OFF, PIN, ROLLER, ROUND, WEIGHT, eccentric
 from test_gears import gear, hinge, pair, planar, planetary, rack_and_pinion
-from test_mesh_losses import rolled_teeth, torque_of_wolfrom, two_pulleys, wolfrom
-from test_space_cams import DRUMS, in_tilted_axes
+from test_joint_kinds import let_go
+from test_mesh_losses import MESHES, rolled_teeth, torque_of_wolfrom, two_pulleys, with_losses, wolfrom
+from test_space_cams import DRUMS, FAR, in_tilted_axes, slope
 
 SLIPS, HOLDS = 1, 2
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -237,6 +238,18 @@ def test_a_train_turns_as_one_body() -> None:
     check_power(run)
 
 
+@pytest.mark.parametrize("name", ["planetary", "differential", "rack", "sector", "crossed belt", "differential in space", "rack in space", pytest.param("bevel in space", marks=pytest.mark.thorough)])
+def test_trains_come_to_rest_or_turn_back(name: str) -> None:
+    """Let go, with losses by which what rubs beside it presses a mesh otherwise than what holds it: all turn back at one instant, or none does."""
+    scene = let_go(with_losses(MESHES[name], efficiency=0.5, sticking=True)) | {"time": {"end": 1.5}}
+    run = linkdyn.Scene(scene).forward(t=np.linspace(0, 1.5, 31), want="all")
+    check_power(run)
+    held = run.clutch_state.values == HOLDS
+    assert np.abs(run.clutch_slip.values[held]).max(initial=0) < 1e-12
+    if name in ("sector", "rack in space"):
+        assert held[-1].all() and np.ptp(run.q.values[held.all(axis=1), -1]) < 1e-12
+
+
 # ---------------------------------------------------------------- against an integrator of one's own
 
 TURN, BACK, SPRING, RATIO, PART, SWING, PULSE = 0.02, 0.3 + 5.0 * (0.01**2 + 0.02**2), 60.0, 0.5, 0.6, 9.0, 5.0
@@ -413,6 +426,26 @@ def test_what_is_held_rolls_on(follower: str) -> None:
     assert np.abs(run.power_imbalance).max() < 1e-12
 
 
+@pytest.mark.parametrize("angle", [0.4, 1.9])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_roller_on_a_drum_breaks_loose_as_a_wedge(way: int, angle: float) -> None:
+    """Weight on the slope of the curve, F r tan(slope +- angle of friction), that of the roller's pin at the roller."""
+    scene = copy.deepcopy(DRUMS["slides"]) | {"gravity": [0, 0, -9.81]}
+    scene["link"][0]["cog"] = [0, 0, 0]
+    scene["friction"] = [{"joint": "C", "coulomb": MU, "radius": PIN, "sticking": True}]
+    steep = -math.atan(slope(-angle) / FAR)
+    limit = {sense: 0.7 * 9.81 * FAR * math.tan(steep + sense * math.atan(MU * PIN / 0.01)) for sense in (1, -1)}
+    middle = (limit[1] + limit[-1]) / 2
+    loose = (limit[way] - middle) * way / 0.1
+    scene["coordinate"] = [{"joint": scene["coordinate"][0]["joint"], "start": angle}]
+    scene["actuator"] = [{"joint": scene["coordinate"][0]["joint"], "law": ramp(middle, way, 0.1)}]
+    run = linkdyn.Scene(scene).forward(t=np.linspace(0, loose + 0.02, 12), want="all")
+    assert times(run, "slip") == [("C", pytest.approx(loose, abs=1e-4))]    # the spline's slope
+    held = run.time.values < loose
+    assert np.ptp(run.q.values[held]) == 0 and way * run.qd.values[-1, 0] > 0
+    check_power(run)
+
+
 # ---------------------------------------------------------------- slots, and what is refused
 
 def test_a_pin_sticks_in_its_slot() -> None:
@@ -442,13 +475,6 @@ def sticking(scene: Scene, cam: str) -> Scene:
 
 
 def test_refused() -> None:
-    drum = next(iter(DRUMS.values()))
-    name = next(joint["name"] for joint in drum["joint"] if joint["type"] == "cam")
-    scene = sticking(drum, name)
-    if next(joint for joint in drum["joint"] if joint["type"] == "cam")["follower"] == "roller":
-        scene["friction"][0]["radius"] = 1e-3
-    with pytest.raises(linkdyn.SceneError, match="joint 'C': key 'sticking' is not for curves round a drum"):
-        linkdyn.Scene(scene)
     for follower in ("point", "flat"):
         with pytest.raises(linkdyn.SceneError, match="joint 'C': key 'sticking' is for cams under a roller"):
             linkdyn.Scene(sticking(in_tilted_axes(resting(follower, ramp(0.0, 1), 0.3)), "C"))
