@@ -34,7 +34,7 @@ class Option:
             return []
         plain = re.sub(r"\([^)]*\)", "", self.text).partition("such as")[0].replace("all of these", "all")
         parts = re.split(r"[,;:]| or | and ", f" {plain}")
-        words = [part.strip() for part in parts if re.fullmatch(r"\s*[a-z][\w-]*\s*", part)]
+        words = [part.strip() for part in parts if re.fullmatch(r"\s*(?!default\b)[a-z][\w-]*\s*", part)]
         return words if len(words) > 1 else []
 
 

@@ -44,6 +44,8 @@ def test_all_commands_and_options_are_known(file):
     (["inverse", "s"], "scene.toml"),
     (["view", "r"], "run.nc"),
     (["generate", "--kernel", "kin"], "kinematics"),
+    (["inverse", "--code", ""], "avx512 avx2 scalar interpreter"),
+    (["forward", "--want", "driving_force,c"], "driving_force,checks driving_force,controller driving_force,clutch driving_force,cylinder"),
     (["generate", "--want", "driving_force,vel"], "driving_force,velocity"),
     (["new", "h"], "hexapod"),
     (["convert", "s"], "scene.toml"),
