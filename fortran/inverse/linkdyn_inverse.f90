@@ -64,8 +64,8 @@ module linkdyn_inverse
 
     ! How is said in `linkdyn_inverse_records`.
     interface
-        !> Where links are, of a batch large enough for the scene's record, with a solver that was prepared for no forces. Samples `left` are
-        !> for the lanes, on their assembly. With a trail the samples follow each other.
+        !> Where links are, by the scene's record where that is worth while, with a solver that was prepared for no forces. Samples
+        !> `left` are for the lanes, on their assembly. With a trail the samples follow each other.
         module subroutine place_by_record(model, solver, q, results, assembly, left, trail)
             type(model_type), intent(in) :: model
             type(inverse_solver), intent(in) :: solver

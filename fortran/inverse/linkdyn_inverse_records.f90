@@ -63,9 +63,9 @@ contains
         end if
     end procedure place_by_record
 
-    !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is made for
-    !> batches that take lanes as long, which are as large for 60 links as for 600, and serves from then on. Groups closed by iteration
-    !> have to be led to its representative poses, each from the start.
+    !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is made
+    !> for batches that take lanes as long, which are as large for 60 links as for 600, and serves from then on. Groups closed by
+    !> iteration have to be led to its representative poses, each from the start.
     pure logical function is_worth_recording(model, solver, n, is_there)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
