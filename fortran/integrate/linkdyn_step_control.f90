@@ -83,6 +83,7 @@ module linkdyn_step_control
         real(wp), allocatable :: y(:)                  !! there (n)
         real(wp) :: next = 0                           !! length of the next step, proposed
         integer :: n_rejected = 0
+        integer, private :: most_rejected = huge(1)    !! before no step is tried any more
         integer :: n_rough = 0                         !! steps that rounding left with more than the error allowed
         real(wp) :: roughest = 0                       !! largest error of these, relative
         integer, private :: n_evaluation = 0           !! besides those of the method
@@ -196,7 +197,7 @@ contains
             if (pause%is_due() .or. is_interrupted()) return
             outcome = step_too_short
             if (self%has_broken_law) outcome = step_breaks_law
-            if (self%t + self%step == self%t .or. .not. self%step > 0) exit
+            if (self%t + self%step == self%t .or. .not. self%step > 0 .or. self%n_rejected >= self%most_rejected) exit
             call try_length(self, system, self%step, t_end, trial)
             if (is_interrupted()) cycle
             call pause%note_work()
@@ -932,6 +933,7 @@ contains
         real(wp), intent(in) :: t(:)                   !! increasing (place)
         real(wp), intent(out) :: solution(:, :)        !! not a number where it cannot be had (place, n)
         integer, parameter :: most_steps = 1000        !! beside those to the places
+        integer, parameter :: most_rejected = 60       !! a way that ends where no rates are to be had takes ever shorter ones
         type(step_control) :: control
         type(pause_type) :: never
         integer :: place, n_step, outcome
@@ -940,6 +942,7 @@ contains
         allocate (control%method, source=self%method)
         call control%start(self%t(1), self%y(1, :), t(1) - self%t(1), self%rtol, self%atol, self%gone)
         control%rest = self%rest
+        control%most_rejected = most_rejected
         place = 1
         do n_step = 1, most_steps + size(t)
             call control%take_step(system, t(place), t(place), never, outcome)
