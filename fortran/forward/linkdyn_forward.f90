@@ -242,7 +242,10 @@ contains
         type(forward_run), intent(inout) :: run
 
         run%has_stopped = .true.
+        ! The last step may lead beyond what was asked for, and the run wait there for its companions.
         run%good_until = run%integrator%good_until(1)
+        if (run%options%integrator%span > 0) &
+            run%good_until = min(run%good_until, run%options%t_start + run%options%integrator%span)
         run%reason = "interrupted at t = "//to_text(run%good_until)//" s"
     end subroutine interrupt_forward
 

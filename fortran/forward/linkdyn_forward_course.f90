@@ -8,7 +8,7 @@ module linkdyn_forward_course
     use linkdyn_forward_kinks, only: collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_phase, only: forward_options, phase_box, enter_phase
     use linkdyn_forward_run, only: forward_run
-    use linkdyn_forward_words, only: reason_of_stop
+    use linkdyn_forward_words, only: tell_stop
     use linkdyn_integrator, only: stop_event
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -42,6 +42,7 @@ contains
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
 
+        character(len=:), allocatable :: reason
         real(wp) :: kink
 
         do
@@ -58,7 +59,8 @@ contains
         if (.not. run%has_stopped) return
         run%is_over = run%integrator%reason == stop_event .and. .not. run%system%is_driven_through(1)
         call hold_texts()
-        run%reason = reason_of_stop(run)
+        call tell_stop(run, reason, run%beyond)
+        run%reason = reason
         call release_texts()
     end subroutine go_to
 

@@ -7,6 +7,7 @@ module linkdyn_forward_run
     use linkdyn_integrator, only: integrator_type
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
+    use linkdyn_status, only: sample_ok
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
@@ -39,6 +40,7 @@ module linkdyn_forward_run
         logical :: outputs_wait = .false.              !! states of output are not evaluated yet
         logical :: wants_outputs = .false.             !! they have to be: the phase is about to change
         character(len=256) :: reason = ""              !! why it stopped
+        integer :: beyond = sample_ok                  !! status of the samples behind that; `sample_ok`: what each of them tells
     end type forward_run
 
 contains

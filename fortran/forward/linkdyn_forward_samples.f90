@@ -22,7 +22,7 @@ module linkdyn_forward_samples
     use linkdyn_motor_states, only: motors_have_laws
     use linkdyn_roads, only: operator(+)
     use linkdyn_scene, only: n_stop, n_clutch, n_controller, has_hard_stops
-    use linkdyn_status, only: sample_singular
+    use linkdyn_status, only: sample_ok, sample_singular
     implicit none (type, external)
     private
     public :: forward_results, output_samples, begin_samples, end_samples_here, add_sample, take_samples, find_forces
@@ -62,6 +62,7 @@ module linkdyn_forward_samples
         real(wp), allocatable :: contact_sense(:, :, :)        !! of joints that may stick (n_part, n_contact, n)
         real(wp), allocatable :: angle(:, :)           !! of joints, their turns counted; if wanted
         logical, allocatable :: is_lost(:)
+        logical, allocatable :: is_beyond(:)           !! of where the run has stopped
         integer :: first = 0                           !! sample of the phase that the run is in; 0: none yet
         integer :: phase = 0
         type(sample_assembly) :: assembly              !! of the samples of the phase
@@ -84,7 +85,8 @@ contains
         real(wp) :: none
 
         samples%t = t
-        allocate (samples%n_passed(0:size(t)), samples%is_lost(size(t)))
+        allocate (samples%n_passed(0:size(t)), samples%is_lost(size(t)), samples%is_beyond(size(t)))
+        samples%is_beyond = .false.
         samples%n_passed(0) = run%n_passed
         ! A sample that is not reached is computed from NaN, which flags it like any that fails.
         none = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -204,6 +206,7 @@ contains
         end if
         do lane = 1, n
             sample = before + lane
+            samples%is_beyond(sample) = .not. samples%are_there
             if (samples%are_there) call keep_sample(run, sample, lane, solution(lane, :), samples)
             call tell_sample(run, sample, lane, solution, samples, results)
             samples%n_passed(sample) = run%n_crossed
@@ -275,6 +278,7 @@ contains
                               clutch_force=of%clutch_force(:, first:last), contact_sense=of%contact_sense(:, :, first:last))
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (of%is_lost(first:last)) part%status = sample_singular
+            if (associated(part%status) .and. run%beyond /= sample_ok) where (of%is_beyond(first:last)) part%status = run%beyond
             if (.not. is_interrupted()) samples%n_found = last
         end associate
     end subroutine find_forces

@@ -14,7 +14,7 @@ module linkdyn_forward_words
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, reason_of_stop
+    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, tell_stop
 
 contains
 
@@ -81,9 +81,13 @@ contains
         end associate
     end function rounding_in_words
 
-    function reason_of_stop(run) result(reason)
+    !> Why a run stopped, and what that makes of the samples beyond.
+    subroutine tell_stop(run, reason, status)
         type(forward_run), intent(in) :: run
-        character(len=:), allocatable :: reason, driven_out
+        character(len=:), allocatable, intent(out) :: reason
+        integer, intent(out) :: status                 !! of these: `sample_not_converged` where the mechanism could go on, but no
+                                                       !! step can be taken; `sample_ok` if that is told otherwise
+        character(len=:), allocatable :: driven_out, too_stiff
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
         character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
             //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
@@ -91,6 +95,7 @@ contains
         integer :: stalled, lane
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
+        status = sample_ok
         ! However the steps have come to their end, by what they lost or by how short they became: this is why.
         stalled = 0
         if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
@@ -122,10 +127,10 @@ contains
             else
                 reason = reason//no_stand_in
             end if
-        else if (run%system%assembly%map_lost(1) > 0 .and. .not. (run%system%bounce%is_ahead &
+        else if (meeting_map(run) > 0 .and. .not. (run%system%bounce%is_ahead &
                                                                   .and. run%model%scene%passes_change_points)) then
             ! where runs end at change points, what turns back there does so for that
-            reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
+            reason = reason//map_in_words(run%model, meeting_map(run))//" come to a change point" &
                      //meeting_in_words(run%model)
         else if (run%system%bounce%is_ahead .and. run%integrator%reason /= stop_pace) then
             ! steps that would not come to the end meet bounces as well, where they are too long
@@ -145,11 +150,13 @@ contains
             case (stop_growth)
                 reason = reason//"the motion grows without bound"
             case (stop_roughness)
+                status = sample_not_converged
                 reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
             case (stop_law)
                 reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
                 reason = reason//too_long_in_words(run)
             case (stop_pace)
+                status = sample_not_converged
                 reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
                 if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
                     "(expected a law that changes over a small speed, tanh(v/v0))"
@@ -157,17 +164,35 @@ contains
                 ! whichever of the stages side by side has failed
                 lane = findloc(run%system%workspace%status /= sample_ok, .true., dim=1)
                 if (lane > 0) then
-                    associate (status => run%system%workspace%status(lane))
-                        reason = reason//failure_at(run%model, run%system%workspace%state, status, lane)//" beyond"
-                        if (status == sample_not_converged) reason = reason//too_long_in_words(run)
+                    associate (of_stage => run%system%workspace%status(lane))
+                        reason = reason//failure_at(run%model, run%system%workspace%state, of_stage, lane)//" beyond"
+                        if (of_stage == sample_not_converged) reason = reason//too_long_in_words(run)
                     end associate
                 else
                     reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
                 end if
             end select
-            reason = reason//stiffness_in_words(run)
+            too_stiff = stiffness_in_words(run)
+            if (too_stiff /= "") status = sample_not_converged
+            reason = reason//too_stiff
         end if
-    end function reason_of_stop
+    end subroutine tell_stop
+
+    !> Whose assemblies meet where the run has stopped; 0: nobody's. One that is to end exactly there tries no way beyond, which would
+    !> tell: its steps come ever nearer.
+    pure integer function meeting_map(run) result(map)
+        type(forward_run), intent(in) :: run
+        real(wp), parameter :: flat = 1.0e-2_wp        !! margin at which they are said to come to that
+
+        associate (assembly => run%system%assembly)
+            map = assembly%map_lost(1)
+            if (map > 0 .or. run%model%scene%passes_change_points .or. run%integrator%reason /= stop_pace &
+                .or. run%integrator%n_step == 0 .or. .not. allocated(assembly%margin)) return
+            map = minloc(abs(assembly%margin(1, :)), dim=1)
+            if (map == 0) return
+            if (abs(assembly%margin(1, map)) > flat) map = 0
+        end associate
+    end function meeting_map
 
     !> Is a coordinate a hinge or slide itself, which another one could stand in for? Members of ensembles are not watched for that.
     pure logical function is_joint_itself(run, k)
@@ -214,10 +239,13 @@ contains
         real(wp) :: rate, step
 
         text = ""
-        if (any([stop_law, stop_roughness] == run%integrator%reason) .or. run%integrator%n_step == run%step_entered) return
+        if (run%integrator%reason == stop_roughness) return
+        if (run%integrator%reason /= stop_law .and. run%integrator%n_step == run%step_entered) return
         call find_stiffest(run%model, run%good_until, run%y(1, :), name, rate)
         step = run%integrator%last_step
         if (run%options%integrator%method == method_rk4) step = run%options%integrator%step
+        ! A law that is broken may be so for other reasons than the length of the step, and no step may have been taken before.
+        if (run%integrator%reason == stop_law) step = 0
         if (rate*step < part_of_turn .and. rate*run%options%integrator%span < endless) return
         text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
     end function stiffness_in_words

@@ -726,7 +726,7 @@ class Scene:
                     break
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
-            run.stopped = f"interrupted at t = {run.reached:.6g} s"
+            run.stopped = f"interrupted at t = {min(run.reached, t[-1]):.6g} s"
             raise Interrupted(run.stopped, result() if n_done else None) from None
         finally:
             sign.end()

@@ -42,13 +42,55 @@ def test_loose_tolerances_see_narrow_peaks(method: str, tolerance: float) -> Non
     assert 0 < estimated.q_error.values[-1, 0] < grown
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex", "msbdf"])
 def test_too_stiff_to_come_to_the_end(method: str) -> None:
     """A spring of 1e31 N/m moves its link in femtoseconds: the run ends and says so."""
     command = [cli.executable(), "forward", SCENES / "stiff_spring.toml", "--until", "0.05", "--method", method, "--no-output"]
     run = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert run.returncode == 3
     assert "spring 'S5' is too stiff" in run.stderr and run.stderr.count("\n") < 4
+    assert "unreachable" not in run.stdout and "not converged" in run.stdout.replace("_", " "), "samples behind are no matter of the mechanism"
+
+
+PARALLELOGRAM = (SCENES / "near_parallelogram.toml").read_text().replace("1.000001", "1.0").replace("branch = 1", "branch = -1")
+"""It turns evenly, from 1 rad at 4 rad/s."""
+AT_CHANGE_POINT = (np.pi - 1) / 4
+"""[s]"""
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
+def test_run_that_ends_on_a_change_point(method: str) -> None:
+    """The last step passes it; the sample there, of which rates are not to be had, is looked for within that step, and not for long."""
+    run = linkdyn.Scene(PARALLELOGRAM).forward(t=[0.0, AT_CHANGE_POINT], method=method)
+    assert run.attrs["stopped"] == "" and run.status.values.tolist() == [0, 2]
+    assert run.attrs["right_hand_sides"] < 3000
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_run_that_ends_on_a_change_point_where_runs_stop(method: str) -> None:
+    """What stops it is the change point, whether steps pass it or come ever nearer."""
+    driven = """
+[[coordinate]]
+joint = "J1"
+driven = true
+motion = { law = "constant-rate", start = 1.0, rate = 1.0 }
+[[actuator]]
+joint = "J1"
+"""
+    scene = linkdyn.Scene('change_points = "stop"\n' + PARALLELOGRAM.split("[[coordinate]]")[0] + driven)
+    run = scene.forward(t=np.linspace(0.0, np.pi - 1, 201), method=method)
+    assert "come to a change point" in run.attrs["stopped"] or (run.attrs["stopped"] == "" and run.status.values[-1] == 2)
+
+
+def test_interrupt_tells_no_instant_beyond_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last step has passed it."""
+
+    def impatient(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("linkdyn._progress.Progress.show", impatient)
+    with pytest.raises(linkdyn.Interrupted, match=f"interrupted at t = {AT_CHANGE_POINT:.6g} s"):
+        linkdyn.Scene(PARALLELOGRAM).forward(t=[0.0, AT_CHANGE_POINT])
 
 
 @pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
