@@ -178,8 +178,8 @@ contains
         end if
     end subroutine tell_stop
 
-    !> Whose assemblies meet where the run has stopped; 0: nobody's. One that is to end exactly there tries no way beyond, which would
-    !> tell: its steps come ever nearer.
+    !> Whose assemblies meet where the run has stopped; 0: nobody's. One that is to end exactly there tries no way beyond,
+    !> which would tell: its steps come ever nearer.
     pure integer function meeting_map(run) result(map)
         type(forward_run), intent(in) :: run
         real(wp), parameter :: flat = 1.0e-2_wp        !! margin at which they are said to come to that
