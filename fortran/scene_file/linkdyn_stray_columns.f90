@@ -8,7 +8,6 @@ module linkdyn_stray_columns
     use linkdyn_results, only: describe_results, layout_type, wanted_type
     use linkdyn_scene, only: scene_type, table_spec
     use linkdyn_suggest, only: suggestion
-    use linkdyn_text, only: quoted
     use linkdyn_units, only: time_span, unit_factor
     implicit none (type, external)
     private
