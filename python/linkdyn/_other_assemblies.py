@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 APART = 1e-6
 """Places of links farther from each other than this share of the mechanism's size are two places: rounding makes less of them but at change points."""
 MARKS = 1000
-"""Samples that are followed to see whether a way of one coordinate passes anything; if so, all are."""
+"""Samples that are followed to see whether a way passes anything; if so, all are."""
 
 
 def count_others(scene: Scene, q: NDArray[np.float64], status: NDArray[np.intc], t: NDArray[np.float64] | None) -> int:
@@ -67,8 +67,8 @@ def _way(q: NDArray[np.float64], t: NDArray[np.float64] | None) -> NDArray[np.fl
 
 
 def _marks(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Samples that pass what all of them pass: of one coordinate some of many do."""
-    if way.shape[1] > 1 or len(way) <= MARKS:
+    """Samples that pass what all of them pass: of one coordinate some of many do, and of several but for excursions between them."""
+    if len(way) <= MARKS:
         return way
     return way[np.linspace(0, len(way) - 1, MARKS).round().astype(int)]
 
