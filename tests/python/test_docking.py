@@ -231,11 +231,12 @@ def test_held_as_by_a_joint_that_is_there_from_the_start(kind):
             np.testing.assert_allclose(lean, 0, rtol=0, atol=1e-9)
 
 
-def test_what_steps_carry_off_is_led_back():
-    """At 1e-5 a step, over a minute in which the hinge goes round; nothing but the leading back keeps gap and lean small."""
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-7])
+def test_what_is_held_stays(tolerance: float) -> None:
+    """Over a minute in which the hinge goes round gap and lean stay within a hundred tolerances of where they were."""
     load = [{"on": "b.n", "moment": [0.0, 0.05, -0.1]}]
     scene = floating(load=load, clutch=[{"name": "dock", "between": ["a.m", "b.n"], "type": "revolute", "from": 0.25}])
-    run = scene.forward(t=np.linspace(0, 60, 61), rtol=1e-5, atol=1e-5)
+    run = scene.forward(t=np.linspace(0, 60, 61), rtol=tolerance, atol=tolerance)
     assert (run.status == 0).all()
     z = np.array(MARKER["a"]["m"]["axis"]) / np.linalg.norm(MARKER["a"]["m"]["axis"])
 
@@ -245,8 +246,8 @@ def test_what_steps_carry_off_is_led_back():
 
     gap, attitude = seen(run.event_q.values[0])
     places = [seen(q) for q in run.q.values[1:]]
-    np.testing.assert_allclose([p[0] - gap for p in places], 0, atol=2e-4)
-    np.testing.assert_allclose([np.cross(p[1] @ attitude.T @ z, z) for p in places], 0, atol=2e-4)
+    np.testing.assert_allclose([p[0] - gap for p in places], 0, atol=100 * tolerance)
+    np.testing.assert_allclose([np.cross(p[1] @ attitude.T @ z, z) for p in places], 0, atol=100 * tolerance)
 
 
 # ------------------------------------------------------------------------------------------------------------ several, again
