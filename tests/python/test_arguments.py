@@ -271,7 +271,7 @@ def test_what_is_no_result_of_linkdyn_says_so(tmp_path: Path) -> None:
     scene.write_text('space = "planar"\n')
     with pytest.raises(linkdyn.FileError, match=r"a scene is read by linkdyn\.load"):
         linkdyn.read(scene)
-    with pytest.raises(linkdyn.InputError, match=r"the run has no 'reaction' \(expected one of none\)"):
+    with pytest.raises(linkdyn.InputError, match=r"worst: there are no results of samples \(expected a run"):
         xarray.Dataset().linkdyn.worst()
 
 
