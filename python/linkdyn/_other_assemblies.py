@@ -70,7 +70,8 @@ def _marks(way: NDArray[np.float64]) -> NDArray[np.float64]:
     """Samples that pass what all of them pass: of one coordinate some of many do, and of several but for excursions between them."""
     if len(way) <= MARKS:
         return way
-    return way[np.linspace(0, len(way) - 1, MARKS).round().astype(int)]
+    marks: NDArray[np.float64] = way[np.linspace(0, len(way) - 1, MARKS).round().astype(int)]
+    return marks
 
 
 def _passed(scene: Scene, way: NDArray[np.float64]) -> int:
