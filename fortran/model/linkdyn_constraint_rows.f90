@@ -50,7 +50,7 @@ module linkdyn_constraint_rows
         real(wp), allocatable :: rotation(:, :, :)      !! (3, 3, 0:n bodies)
         real(wp) :: size = 1                            !! [m]
         integer, allocatable :: column(:)               !! freedoms of a body that count: all six, or those of the plane
-        real(wp) :: open = 0                            !! what closing has left [rad, scene sizes]
+        real(wp) :: open = huge(1.0_wp)                 !! what closing has left; huge: it was not tried [rad, scene sizes]
     end type loop_type
 
     !> Constraint rows of a loop.
