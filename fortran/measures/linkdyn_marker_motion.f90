@@ -8,10 +8,10 @@ module linkdyn_marker_motion
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: frame_link
     use linkdyn_vec2, only: vec2
-    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(.cross.), operator(.rotate.), vec3_of, zero_vec3
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.cross.), operator(.rotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: locate_marker, marker_arm, link_origin, link_axes, link_turning, carried_point, in_space
+    public :: locate_marker, marker_arm, link_origin, link_axes, link_turning, turning_seen, carried_point, in_space
 
 contains
 
@@ -94,6 +94,19 @@ contains
             turning = state%alpha(level, o)
         end if
     end function link_turning
+
+    !> How the second of two links turns as the first one sees it, which turns itself.
+    pure function turning_seen(model, state, link, level) result(turning)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link(2), level
+        type(vec3) :: turning, of_first
+
+        turning = link_turning(model, state, link(2), level) - link_turning(model, state, link(1), level)
+        if (level /= level_given) return
+        of_first = link_turning(model, state, link(1), level_velocity)
+        turning = turning - (of_first.cross.(link_turning(model, state, link(2), level_velocity) - of_first))
+    end function turning_seen
 
     !> Velocity, column or acceleration of a point of a link.
     pure function carried_point(model, state, link, arm, level) result(motion)

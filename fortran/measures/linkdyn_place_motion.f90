@@ -12,7 +12,7 @@ module linkdyn_place_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_marker_motion, only: marker_arm, link_origin, link_axes, link_turning, carried_point
+    use linkdyn_marker_motion, only: marker_arm, link_origin, link_axes, link_turning, turning_seen, carried_point
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
@@ -92,7 +92,7 @@ contains
         case (measure_twist)
             rate = twist_rate(model, state, spec, level)
         case (measure_turn)
-            rate = seen_turning(model, state, spec, level).dot.seeing_axis(model, state, spec)
+            rate = turning_seen(model, state, spec%link, level).dot.seeing_axis(model, state, spec)
         case default
             of_angles = attitude_rate(model, state, spec, level)
             rate = of_angles(:, spec%component)
@@ -275,19 +275,6 @@ contains
 
         difference = link_turning(model, state, spec%link(2), level) - link_turning(model, state, spec%link(1), level)
     end function turning_apart
-
-    !> The same as the first link sees it, which turns.
-    function seen_turning(model, state, spec, level) result(difference)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        type(measure_spec), intent(in) :: spec
-        integer, intent(in) :: level
-        type(vec3) :: difference
-
-        difference = turning_apart(model, state, spec, level)
-        if (level == level_given) difference = difference - (link_turning(model, state, spec%link(1), level_velocity) &
-                                                             .cross.turning_apart(model, state, spec, level_velocity))
-    end function seen_turning
 
     !> How the markers of a turn stand: roll, pitch and yaw of the first one as the second one sees it. The first two alone tell where the
     !> first one's z is.

@@ -10,7 +10,7 @@ module linkdyn_released_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_marker_motion, only: link_origin, link_axes, link_turning, carried_point
+    use linkdyn_marker_motion, only: link_origin, link_axes, link_turning, turning_seen, carried_point
     use linkdyn_model, only: model_type, is_released, scene_size, parts_slowly, parts_gently
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_vec3, only: vec3, mat3, zero_vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
@@ -102,14 +102,12 @@ contains
             arm(1) = link_origin(model, state, link(2)) + arm(2) - link_origin(model, state, link(1))
             parting%rate = carried_point(model, state, link(2), arm(2), level_velocity) &
                            - carried_point(model, state, link(1), arm(1), level_velocity)
-            parting%omega = link_turning(model, state, link(2), level_velocity) &
-                            - link_turning(model, state, link(1), level_velocity)
+            parting%omega = turning_seen(model, state, link, level_velocity)
             if (.not. has_accelerations) return
             of_first = link_turning(model, state, link(1), level_velocity)
             parting%rate2 = carried_point(model, state, link(2), arm(2), level_given) &
                             - carried_point(model, state, link(1), arm(1), level_given) - 2.0_wp*(of_first.cross.parting%rate)
-            parting%alpha = link_turning(model, state, link(2), level_given) &
-                            - link_turning(model, state, link(1), level_given) - (of_first.cross.parting%omega)
+            parting%alpha = turning_seen(model, state, link, level_given)
         end associate
     end subroutine find_parting
 

@@ -13,7 +13,7 @@ module linkdyn_surface_slip
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_marker_motion, only: link_axes, link_turning
+    use linkdyn_marker_motion, only: link_axes, turning_seen
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_place_motion, only: seen_motion
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -101,18 +101,6 @@ contains
             across = (1/far)*across
         end subroutine look_outwards
     end function slip_on_cam
-
-    !> How the second link turns as the first one sees it.
-    function turning_seen(model, state, link, level) result(turning)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: link(2), level
-        type(vec3) :: turning
-
-        turning = link_turning(model, state, link(2), level) - link_turning(model, state, link(1), level)
-        if (level == level_given) turning = turning - (link_turning(model, state, link(1), level_velocity) &
-                                                       .cross.link_turning(model, state, link(2), level_velocity))
-    end function turning_seen
 
     !> Is a slip linear in the rates of the coordinates, with constants?
     pure logical function leads_slip(model, j)
