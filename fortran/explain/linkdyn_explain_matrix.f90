@@ -88,14 +88,14 @@ contains
         type(matrix_labels), intent(in) :: labels
         real(wp), intent(in) :: found(:)               !! outputs of the kernel
         type(system_type), intent(inout) :: system
-        real(wp) :: whole(form%n, max(size(labels%unknown), maxval(form%column)))
+        real(wp) :: whole(form%n, form%n)
         integer :: before, i, j, k
 
         system%row = labels%equation
         system%column = labels%unknown%name
-        before = form%n - size(system%row)
+        before = form%n_row - size(system%row)
         call fill_matrix(form, found, whole)
-        system%matrix = whole(before + 1:, :size(system%column))
+        system%matrix = whole(before + 1:form%n_row, :size(system%column))
         allocate (system%symbol(size(system%row), size(system%column)))
         system%symbol = "."
         do k = 1, size(form%row)

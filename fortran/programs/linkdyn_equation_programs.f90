@@ -57,7 +57,8 @@ module linkdyn_equation_programs
 
     !> The matrix, nonzero by nonzero: constants, or outputs of its kernel.
     type :: matrix_form
-        integer :: n = 0                                   !! equations
+        integer :: n_row = 0                               !! equations; one without unknowns is none
+        integer :: n = 0                                   !! equations or unknowns, whichever are more: what is missing is zero
         integer, allocatable :: row(:), column(:)
         integer, allocatable :: output(:)                  !! of a nonzero; 0: it is constant
         real(wp), allocatable :: constant(:)
@@ -111,7 +112,7 @@ contains
 
         allocate (row(equations%traced%system%n_equation))
         call list_rows(equations%traced%system, row)
-        call list_entries(row, equations%n_sample, with_right, form, out)
+        call list_entries(row, equations%traced%system%n_unknown, equations%n_sample, with_right, form, out)
         call make_scene_program(equations%record, equations%traced%in, out, program)
     end subroutine make_matrix_program
 
@@ -124,23 +125,24 @@ contains
     end function labels_of
 
     !> What varies are outputs, row after row.
-    subroutine list_entries(row, n_sample, with_right, form, out)
+    subroutine list_entries(row, n_unknown, n_sample, with_right, form, out)
         type(sparse_row), intent(in) :: row(:)
-        integer, intent(in) :: n_sample
+        integer, intent(in) :: n_unknown, n_sample
         logical, intent(in) :: with_right
         type(matrix_form), intent(out) :: form
         type(output_list), intent(out) :: out
         type(value), allocatable :: varying(:)
         integer :: i, k, n, n_varying
 
-        form%n = size(row)
+        form%n_row = size(row)
+        form%n = max(form%n_row, n_unknown)
         n = sum(row%n)
         allocate (form%row(n), form%column(n), form%output(n), form%right(form%n), source=0)
         allocate (form%constant(n), form%sample(n_sample, n), source=0.0_wp)
-        allocate (varying(n + form%n))
+        allocate (varying(n + form%n_row))
         n = 0
         n_varying = 0
-        do i = 1, form%n
+        do i = 1, form%n_row
             do k = 1, row(i)%n
                 n = n + 1
                 form%row(n) = i

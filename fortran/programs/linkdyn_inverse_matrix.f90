@@ -49,9 +49,11 @@ contains
             call add_inputs(in_transposed, n, sample, in)
             allocate (row(traced%system%n_equation))
             call list_rows(traced%system, row)
-            row%right = in%of(in_unknown)%v
-            none_is_last = spread(.false., 1, n)
-            call eliminate(row, n, none_is_last, elimination)
+            if (size(row) == n) then    ! else some equation has no unknowns: the matrix is singular in every pose
+                row%right = in%of(in_unknown)%v
+                none_is_last = spread(.false., 1, n)
+                call eliminate(row, n, none_is_last, elimination)
+            end if
             if (elimination%is_complete) then
                 total = zero()
                 do i = 1, n

@@ -611,7 +611,7 @@ contains
         call require_rates(mechanism, constraints, system, error)
         allocate (row(system%n_equation))
         call list_rows(system, row)
-        call list_entries(row, 0, .false., kernels%form, out)
+        call list_entries(row, system%n_unknown, 0, .false., kernels%form, out)
         call find_pattern(kernels%form%n, kernels%form%row, kernels%form%column, kernels%pattern)
         call add_output(out, of_errors, error)
         call make_scene_program(record, in, out, kernels%program(of_errors))

@@ -260,3 +260,16 @@ def test_beside_redundant_constraints() -> None:
     np.testing.assert_allclose(run.driving_force.values[:, 1], 2 * K * stretch * R1, rtol=1e-8)
     lanes = scene.inverse(want="all", solver="lapack")
     np.testing.assert_allclose(lanes.reaction.values, run.reaction.values, atol=1e-8 * T0)
+
+
+def test_a_wheel_without_inertia() -> None:
+    """About its axis a drum that is a point moves no mass: an equation without unknowns, which forward dynamics refuses."""
+    data = tomllib.loads(SCENE.read_text())
+    del data["link"][1]["inertia"]
+    scene = linkdyn.Scene(data)
+    run = scene.inverse()
+    assert (run.status.values == 0).all()
+    with pytest.raises(linkdyn.LinkdynError, match="the equations of motion are singular"):
+        scene.forward(0.1)
+    with pytest.raises(linkdyn.LinkdynError, match="the equations of motion are singular"):
+        scene.forward(0.1, solver="reduced")
