@@ -18,7 +18,7 @@ module linkdyn_equation_kernels
     private
     public :: equation_kernels, answer_kernels, make_kernels, free_kernels, need_matrix, need_solving, need_answers, need_sliding, &
         slides_or_pulls
-    public :: kernel_family, found_family, found_for_one, join_family, end_family, takes_numbers
+    public :: kernel_family, found_family, found_for_one, find_family, join_family, end_family, takes_numbers
 
     !> Kernels of some results.
     type :: answer_kernels
@@ -51,6 +51,7 @@ module linkdyn_equation_kernels
         character(len=:), allocatable, private :: key  !! what models have in common; none: the head is all there is
         integer, allocatable, private :: varying(:)    !! numbers that are inputs; none: these are constants
         type(equation_kernels), pointer, private :: first => null()
+        type(kernel_family), pointer :: next => null()     !! whoever lists families
     end type kernel_family
 
 contains
@@ -81,6 +82,33 @@ contains
         call release_texts()
         if (len(family%key) == 0) deallocate (family)
     end subroutine found_family
+
+    !> The family of a list that a model belongs to: a new one, if it is the first of its kind. Null: it is like none, or differs in
+    !> more than numbers from all of so many that kernels of its own are no loss.
+    subroutine find_family(model, first, family)
+        type(model_type), intent(in) :: model
+        type(kernel_family), pointer, intent(inout) :: first
+        type(kernel_family), pointer, intent(out) :: family
+        integer, parameter :: most = 8
+        character(len=:), allocatable :: key
+        integer, allocatable :: varying(:)
+        integer :: n
+
+        call hold_texts()
+        call describe_alike(model, key, varying)
+        call release_texts()
+        n = 0
+        family => first
+        do while (associated(family))
+            if (family%key == key) return
+            n = n + 1
+            family => family%next
+        end do
+        if (len(key) == 0 .or. n == most) return
+        call found_family(model, family)
+        family%next => first
+        first => family
+    end subroutine find_family
 
     !> All who solve a model's equations share kernels from now on.
     subroutine found_for_one(model, family)

@@ -1,6 +1,7 @@
 !> Poses that stand for a scene: pivots that serve there serve elsewhere.
 module linkdyn_representatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_constants, only: golden
@@ -17,7 +18,7 @@ module linkdyn_representatives
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: few_links, representative_poses, need_poses, make_closer, set_in_motion, representative_motions
+    public :: few_links, is_worth_own_record, representative_poses, need_poses, make_closer, set_in_motion, representative_motions
 
     integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
     !> Links of mechanisms whose records are made at once: that takes some milliseconds, and as much for every further thirty or so.
@@ -31,6 +32,16 @@ module linkdyn_representatives
     end type representative_poses
 
 contains
+
+    !> Is a record worth while for one of many designs that have all kernels but this in common? It takes as long as some hundred
+    !> samples a link on lanes.
+    pure logical function is_worth_own_record(model, n)
+        type(model_type), intent(in) :: model
+        integer(int64), intent(in) :: n                !! samples of the design
+        integer, parameter :: samples_a_link = 500
+
+        is_worth_own_record = n >= int(samples_a_link, int64)*model%n_link
+    end function is_worth_own_record
 
     !> A block of poses, the last of them on the lanes left over, with rates and accelerations as chance has them.
     pure subroutine set_in_motion(pose, first, q, qd, qdd)

@@ -120,17 +120,23 @@ contains
     end subroutine api_csv_rows
 
     !> Read and plan a scene given as text.
-    subroutine api_open(n_text, text, n_file, file, n_folder, folder, handle, code, message)
+    subroutine api_open(n_text, text, n_file, file, n_folder, folder, original, handle, code, message)
         integer(c_int), intent(in) :: n_text, n_file, n_folder
         integer(c_int), intent(in) :: text(n_text)      ! the scene file
         integer(c_int), intent(in) :: file(n_file)      ! its name in messages
         integer(c_int), intent(in) :: folder(n_folder)  ! where its tables lie
+        integer(c_intptr_t), intent(in) :: original     ! scene that this is with other values; 0: none
         integer(c_intptr_t), intent(out) :: handle
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
+        type(open_scene), pointer :: first
         type(status_type) :: status
 
-        call open_scene_text(from_bytes(text), from_bytes(file), from_bytes(folder), handle, status)
+        handle = 0
+        nullify (first)
+        if (original /= 0) call take_scene(original, first, status)
+        if (status%is_ok()) call open_scene_text(from_bytes(text), from_bytes(file), from_bytes(folder), handle, status, first)
+        call leave_scene(original, first)
         call report(status, code, message)
     end subroutine api_open
 

@@ -10,6 +10,7 @@ module linkdyn_open_scene
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, dyad_names
+    use linkdyn_relatives, only: relatives, hold_relatives, family_of, leave_relatives
     use linkdyn_results, only: layout_type, wanted_type, describe_results
     use linkdyn_scene, only: scene_type, load_spec, name_len, put_file_first
     use linkdyn_scene_reader, only: parse_scene, read_scene, check_actuators
@@ -36,6 +37,8 @@ module linkdyn_open_scene
         type(solver_box) :: placing                                 !! links, without equations
         type(shared_places) :: places                               !! of all of these
         type(shared_programs), pointer :: shared => null()          !! by its forward runs
+        logical :: is_variant = .false.                             !! made of another by other values
+        type(relatives), pointer :: relatives => null()             !! this, or the one that it was made of, and its other variants
     contains
         procedure :: release => release_scene
     end type open_scene
@@ -43,18 +46,19 @@ module linkdyn_open_scene
 contains
 
     !> Read and plan a scene given as text.
-    subroutine open_scene_text(text, file, folder, handle, status)
+    subroutine open_scene_text(text, file, folder, handle, status, original)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file           !! what to call the text in messages
         character(len=*), intent(in) :: folder         !! where its tables lie; blank: the current folder
         integer(c_intptr_t), intent(out) :: handle
         type(status_type), intent(inout) :: status
+        type(open_scene), intent(in), optional :: original    !! this one with other values
         type(scene_type) :: scene
 
         handle = 0
         call hold_texts()
         call parse_scene(text, file, folder, scene, status)
-        if (status%is_ok()) call plan_scene(scene, handle, status)
+        if (status%is_ok()) call plan_scene(scene, handle, status, original)
         if (.not. status%is_ok()) call put_file_first(file, scene, status%message)
         call release_texts()
     end subroutine open_scene_text
@@ -93,7 +97,13 @@ contains
             call add_load(names(i:line_end - 1), scene, status)
             i = line_end + 1
         end do
-        if (status%is_ok()) call plan_scene(scene, handle, status)
+        if (status%is_ok()) then
+            if (first%is_variant) then
+                call plan_scene(scene, handle, status, first)
+            else
+                call plan_scene(scene, handle, status)
+            end if
+        end if
         call release_texts()
     end subroutine open_with_loads
 
@@ -151,6 +161,7 @@ contains
         kept = options
         kept%n_expected = max(options%n_expected, samples_to_come)
         kept%places => scene%places
+        if (status%is_ok() .and. scene%is_variant) call family_of(scene%model, scene%relatives, kept%family)
         if (status%is_ok()) call prepare_inverse(scene%model, kept, wants_reactions, new, status)
         call release_texts()
         call hold_lock()
@@ -187,15 +198,20 @@ contains
     end function layout_of
 
     !> Plan a scene and keep it.
-    subroutine plan_scene(scene, handle, status)
+    subroutine plan_scene(scene, handle, status, original)
         type(scene_type), intent(in) :: scene
         integer(c_intptr_t), intent(inout) :: handle
         type(status_type), intent(inout) :: status
+        type(open_scene), intent(in), optional :: original
         type(open_scene), pointer :: new
+        type(relatives), pointer :: of_original
         class(held_thing), pointer :: thing
         type(wanted_type) :: all
 
         allocate (new)
+        nullify (of_original)
+        if (present(original)) of_original => original%relatives
+        new%is_variant = associated(of_original)
         call build_model(scene, new%model, status)
         if (status%is_ok()) then
             all = wanted_type(growth=.true., bound=.true., rcond=.true., distance=.true., errors=.true.)
@@ -203,12 +219,14 @@ contains
             all%distance = .false.
             new%run_layout = layout_of(new%model, all, .true., .true.)
             call hold_programs(new%shared)
+            call hold_relatives(of_original, new%relatives)
             call new%places%prepare(new%model)
             thing => new
             call make_handle(thing, handle, status)
         end if
         if (status%is_ok()) return
         call leave_programs(new%shared)
+        call leave_relatives(new%relatives)
         deallocate (new)
     end subroutine plan_scene
 
@@ -219,6 +237,7 @@ contains
         call free_box(self%placing)
         call self%places%free()
         call leave_programs(self%shared)
+        call leave_relatives(self%relatives)
     end subroutine release_scene
 
     subroutine free_solvers(n, boxes)

@@ -1,5 +1,6 @@
 !> Batches by the record of their scene: whether one is worth while, found or made, believed, run.
 submodule (linkdyn_inverse) linkdyn_inverse_records
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_assembly_trail, only: judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
@@ -13,7 +14,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_forces, only: record_forces, run_recorded
     use linkdyn_recorded_margins, only: of_margins
-    use linkdyn_representatives, only: need_poses, make_closer, few_links
+    use linkdyn_representatives, only: need_poses, make_closer, few_links, is_worth_own_record
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_status, only: sample_singular, sample_ok
     use linkdyn_uncertainty, only: is_surely_certain
@@ -74,6 +75,10 @@ contains
         integer, parameter :: worth_writing = 4000, worth_leading = 128
         integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
 
+        if (solver%is_one_of_many) then
+            is_worth_recording = is_worth_own_record(model, int(max(n, solver%records%n_asked), int64))
+            return
+        end if
         is_worth_recording = (model%n_link <= few_links .or. is_there .or. n >= worth_writing) &
                              .and. (size(model%group) == 0 .or. n >= worth_leading) &
                              .and. (solver%equations%solver /= solver_reduced .or. n >= worth_tracing)
@@ -107,6 +112,7 @@ contains
 
         call hold_records()
         recorded => solver%records%find(wanted)
+        solver%records%n_asked = min(solver%records%n_asked, huge(1) - size(q, 2)) + size(q, 2)
         is_asked = is_worth
         if (.not. is_worth) &
             is_asked = is_worth_recording(model, solver, max(size(q, 2), solver%n_expected), associated(recorded))

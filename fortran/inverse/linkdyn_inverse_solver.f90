@@ -76,6 +76,7 @@ module linkdyn_inverse_solver
         type(condition_type), pointer :: condition => null()    !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
+        logical :: is_one_of_many = .false.                     !! models that share kernels: a record is this one's alone
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
         type(shared_places) :: places                           !! there if it may, or if records close its groups
         logical, private :: owns_places = .false.
@@ -97,6 +98,7 @@ contains
         type(status_type), intent(inout) :: status
 
         solver%n_expected = options%n_expected
+        solver%is_one_of_many = associated(options%family)
         if (options%wants_forces) then
             call build_equations(model, options%solver, wants_reactions, solver%equations, status)
             if (status%is_ok()) call share_equations(model, options%family, solver%equations)

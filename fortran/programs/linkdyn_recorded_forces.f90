@@ -63,6 +63,7 @@ module linkdyn_recorded_forces
 
     !> The records of a scene that its runs have asked for, one for each choice of results.
     type :: record_shelf
+        integer :: n_asked = 0                         !! samples of all batches for which somebody looked for one
         type(shelved_record), pointer, private :: first => null()
     contains
         procedure :: find => find_record

@@ -12,6 +12,7 @@ module linkdyn_sweep_design
     use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_representatives, only: is_worth_own_record
     use linkdyn_sweep_plan, only: sweep_plan, axis_values
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_source, only: design_source
@@ -120,7 +121,7 @@ contains
         do i = 1, size(plan%axis)
             design%follows_motion = design%follows_motion .or. plan%axis(i)%spec%kind == axis_time
         end do
-        design%is_recorded = is_worth_recording(design%model, plan%n_pose)
+        design%is_recorded = is_worth_own_record(design%model, plan%n_pose)
         call prepare_pose_measures(spec, row, design%model, design%measures)
     end subroutine plan_design
 
@@ -149,15 +150,6 @@ contains
         options%wants_forces = .false.
         if (design%status%is_ok()) call prepare_inverse(design%model, options, .false., design%motion, design%status)
     end subroutine plan_equations
-
-    !> A record is made for each design: that takes as long as some hundred samples a link on lanes.
-    pure logical function is_worth_recording(model, n_pose)
-        type(model_type), intent(in) :: model
-        integer(int64), intent(in) :: n_pose
-        integer, parameter :: samples_a_link = 500
-
-        is_worth_recording = n_pose >= int(samples_a_link, int64)*model%n_link
-    end function is_worth_recording
 
     subroutine make_room(plan, row, design)
         type(sweep_plan), intent(in) :: plan

@@ -113,15 +113,15 @@ def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
             return results
 
 
-def open_scene(text: bytes, file: str, folder: str) -> int:
-    """Read and plan a scene; returns its handle.
+def open_scene(text: bytes, file: str, folder: str, original: int = 0) -> int:
+    """Read and plan a scene, which may be another one, given by its handle, with other values; returns its handle.
 
     Raises
     ------
     SceneError
         With the reader's message.
     """
-    handle, code, message = _api.api_open(_to_codes(text), _to_codes(file), _to_codes(folder))
+    handle, code, message = _api.api_open(_to_codes(text), _to_codes(file), _to_codes(folder), original)
     check(code, message, SceneError)
     return handle
 

@@ -21,7 +21,7 @@ _NAMED = ("markers", "variables", "measures", "laws")
 """Tables whose keys are names."""
 
 
-def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable[[Mapping[str, Any]], object]) -> dict[str, Any]:
+def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """A copy of a scene's content with other values.
 
     Parameters
@@ -39,11 +39,15 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable
     InputError
         The path leads nowhere, or to a new variable or marker that nothing refers to; ``None`` for a key that no scene has.
     """
-    result = copy.deepcopy(dict(scene))
-    idle = []
+    result = dict(scene)
+    idle, own = [], set()
     for path, value in changes.items():
         if not path:
             raise InputError("with_: '' is no path (expected such as 'link.crank.mass')")
+        top = re.split(r"[.[]", path)[0]
+        if top in result and top not in own:   # the rest is the scene's
+            result[top] = copy.deepcopy(result[top])
+            own.add(top)
         before = copy.deepcopy(result) if value is None else None
         _put(result, path, path, value)
         if result == before:
@@ -56,7 +60,7 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable
     return result
 
 
-def _refuse_misspelt(result: Mapping[str, Any], path: str, read: Callable[[Mapping[str, Any]], object]) -> None:
+def _refuse_misspelt(result: Mapping[str, Any], path: str, read: Callable[[dict[str, Any]], object]) -> None:
     """What is to be taken out and is not there: fine, if the scene file has such a key. Its reader knows the keys."""
     above, _, name = path.rpartition(".")
     if above.rpartition(".")[2] in _NAMED:

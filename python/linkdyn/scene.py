@@ -153,18 +153,22 @@ class Scene:
         self, source: str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None = None
     ) -> None:
         data, name, beside, file = _source(source)
-        self.text = data.decode("utf-8", errors="replace")
-        self.folder = as_path("folder", beside if folder is None else "." if isinstance(folder, str) and folder == "" else folder)
+        where = as_path("folder", beside if folder is None else "." if isinstance(folder, str) and folder == "" else folder)
+        self._open(data, name, where, None if file is None else os.path.abspath(file), by_keys=isinstance(source, Mapping))
+
+    def _open(self, data: bytes, name: str, folder: str, file: str | None, by_keys: bool, original: int = 0) -> None:
+        """Have a text read; faults in one that was made of a mapping are told by its keys."""
+        text = data.decode("utf-8", errors="replace")
         try:
-            handle = _bind.open_scene(data, name, self.folder)
+            handle = _bind.open_scene(data, name, folder, original)
         except SceneError as error:
-            raise (SceneError(told_by_keys(str(error), self.text)) if isinstance(source, Mapping) else error) from None
-        self._file = None if file is None else os.path.abspath(file)
-        self.folder = os.path.abspath(self.folder)  # the working folder may change before the tables are read again
+            raise (SceneError(told_by_keys(str(error), text)) if by_keys else error) from None
+        self._file = file
+        self.folder = os.path.abspath(folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
-        self.text = self.description.pop("text", self.text)  # with what it includes
+        self.text = self.description.pop("text", text)  # with what it includes
         self.title: str = self.description["title"]
         self.planar: bool = self.description["planar"]
         self.coordinates = _names(self.description["coordinates"])
@@ -227,12 +231,14 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return self._variant(changed(self._content, self._with_units(paths), self._variant))
+        plain = {path: None if value is None else _plain(value, path) for path, value in self._with_units(paths).items()}
+        return self._variant(changed(self._content, plain, self._variant))
 
-    def _variant(self, content: Mapping[str, Any]) -> Scene:
-        """Another content, made of this scene's file."""
-        scene = Scene(content, folder=self.folder)
-        scene._file = self._file
+    def _variant(self, content: dict[str, Any]) -> Scene:
+        """Another content, made of this scene's file, of what TOML knows: both share what is traced."""
+        scene = Scene.__new__(Scene)
+        scene._open(tomli_w.dumps(content).encode(), "scene", self.folder, self._file, by_keys=True, original=self._handle)
+        scene._content = content
         return scene
 
     @cached_property
@@ -916,7 +922,7 @@ class Scene:
         >>> run = scene.sweep(output="workspace.nc", resume=True)  # doctest: +SKIP
         """
         if sweep is not None:
-            content = self._content | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
+            content = self._content | {"sweep": _plain(as_mapping("sweep", sweep, "a table as in a scene file"), "sweep")}
             return self._variant(content).sweep(
                 keep=keep, solver=solver, threads=threads, progress=progress, output=output, resume=resume, checkpoint=checkpoint
             )
