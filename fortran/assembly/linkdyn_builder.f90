@@ -382,7 +382,7 @@ contains
         is_iterated = .false.
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (is_dyad(step%kind)) is_meant(step%joint) = .true.
+                if (is_dyad(step%kind)) is_meant(step%joint(:step%n_link + 1)) = .true.
                 if (step%kind == step_csp) is_meant(step%joint(2)) = .true.
                 if (step%kind == step_group) is_iterated(model%group(step%first)%joint) = .true.
             end associate

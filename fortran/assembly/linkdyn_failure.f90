@@ -9,7 +9,8 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
-    use linkdyn_model, only: model_type, step_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of, by_nothing
+    use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of, &
+        by_nothing
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
         sample_locked
@@ -237,17 +238,57 @@ contains
         end do
         associate (step => model%step(i))
             do k = 1, 2
-                associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)))
-                    side = side_of(outer, step%link(k))
-                    hinge(k) = marker_place(model, state, step%joint(2*k - 1), 3 - side)
-                    reach(k) = norm2(inner%point(:, side_of(inner, step%link(k))) - outer%point(:, side))
-                end associate
+                side = side_of(model%joint(step%joint(2*k - 1)), step%link(k))
+                hinge(k) = marker_place(model, state, step%joint(2*k - 1), 3 - side)
+                reach(k) = arm_of(step, k)
             end do
+            if (any(reach < 0)) return
             apart = hypot(hinge(1)%x(1) - hinge(2)%x(1), hinge(1)%y(1) - hinge(2)%y(1))
             text = ": joints "//quoted(model%joint(step%joint(1))%name)//" and "//quoted(model%joint(step%joint(3))%name) &
                    //" are "//to_text(apart)//" m apart, the links reach from "//to_text(abs(reach(1) - reach(2)))//" m to " &
                    //to_text(sum(reach))//" m"
         end associate
+
+    contains
+
+        !> From the outer to the inner hinge of a half of the dyad, whose slide, if it has one, a coordinate draws out; below zero if
+        !> gears do.
+        pure real(wp) function arm_of(step, k) result(length)
+            type(step_type), intent(in) :: step
+            integer, intent(in) :: k
+            real(wp) :: arm(2)
+            integer :: i, side, tip
+
+            associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)), link => step%link(k))
+                length = -1
+                if (any(inner%link == link)) then
+                    length = norm2(inner%point(:, side_of(inner, link)) - outer%point(:, side_of(outer, link)))
+                    return
+                end if
+                i = findloc([(any(model%joint(step%joint(3 + i))%link == link), i=1, step%n_link - 2)], .true., dim=1)
+                if (step%coordinate(i) > model%n_q) return
+                tip = step%link(2 + i)
+                associate (slide => model%joint(step%joint(3 + i)))
+                    side = side_of(slide, link)
+                    ! along and across the slide, as its frames see it
+                    arm = in_slide(slide, side, slide%point(:, side) - outer%point(:, side_of(outer, link))) &
+                          + in_slide(slide, 3 - side, inner%point(:, side_of(inner, tip)) - slide%point(:, 3 - side))
+                    arm(1) = arm(1) + lost%to(step%coordinate(i))*merge(1, -1, side == 1)
+                end associate
+                length = norm2(arm)
+            end associate
+        end function arm_of
+
+        pure function in_slide(slide, side, v) result(w)
+            type(joint_type), intent(in) :: slide
+            integer, intent(in) :: side
+            real(wp), intent(in) :: v(3)
+            real(wp) :: w(2)
+
+            associate (u => slide%frame(:, 3, side))
+                w = [dot_product(u, v), u(1)*v(2) - u(2)*v(1)]
+            end associate
+        end function in_slide
     end function span_in_words
 
     !> What may be at fault where loops do not close at the start: how others do that stand before them.

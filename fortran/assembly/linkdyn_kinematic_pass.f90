@@ -175,7 +175,7 @@ contains
         integer :: n, n_place
 
         n = size(found, 2) - 2
-        n_place = n - 2*link_freedom(model)
+        n_place = n - step%n_link*link_freedom(model)
         call take_places(model, use, found(:, :n_place), state)
         call set_rates(model, model%part(use%step), level_velocity, found(:, n_place + 1:n), state)
         if (.not. step%has_margin) return

@@ -141,12 +141,13 @@ contains
 
     contains
 
-        !> Does a link of the dyad turn between two hinges?
+        !> Does a link of the dyad turn between two hinges? One that a slide draws out has no length to count on.
         pure logical function has_arm(step, k)
             type(step_type), intent(in) :: step
             integer, intent(in) :: k
 
-            has_arm = all(model%joint(step%joint([2*k - 1, 2]))%kind == joint_revolute)
+            has_arm = all(model%joint(step%joint([2*k - 1, 2]))%kind == joint_revolute) &
+                      .and. any(model%joint(step%joint(2))%link == step%link(k))
         end function has_arm
 
         pure real(wp) function arm_length(step, k)

@@ -2,7 +2,8 @@
 !>
 !> A `branch` given at one of its joints decides. Otherwise the branch nearest to the starting positions that the scene
 !> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
-!> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1.
+!> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1; with a slide inside the dyad that
+!> leads, whose links are seldom drawn as they stand, the assembly nearest to joint variables of zero, as of larger groups.
 module linkdyn_planar_start
     use linkdyn_constants, only: pi
     use linkdyn_group_start, only: find_group_start, take_group_start
@@ -11,7 +12,7 @@ module linkdyn_planar_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
-    use linkdyn_model, only: model_type, step_type, group_type, step_prp, step_group, is_dyad, is_length, &
+    use linkdyn_model, only: model_type, step_type, group_type, step_prp, step_group, is_dyad, is_led_dyad, is_length, &
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: joint_prismatic
@@ -73,26 +74,30 @@ contains
         type(status_type), intent(inout) :: status
         type(start_distance) :: distance(2)
         integer :: forced, i
-        logical :: has_hints, fits
+        logical :: has_hints, fits, speaks
 
         forced = forced_branch(model, step, status)
         if (step%kind == step_prp) call take_side(model, step, state)
         if (.not. step%has_branches) return
-        has_hints = has_start(model, step%link, step%joint)
-        fits = .false.
-        if (.not. has_hints) fits = fits_as_written(model, step%link, step%joint, state%plane)
-        if (forced /= 0) then
-            model%branch(step%first) = forced
-            model%chosen_by(step%first) = by_branch
-        else if (has_hints .or. fits) then
-            model%chosen_by(step%first) = merge(by_start, by_markers, has_hints)
-            do i = 1, 2
-                state%branch(:, step%first) = 3 - 2*i
-                call run_step(model, step, state)
-                distance(i) = measure_distance(model, step%link, step%joint, state, .not. has_hints)
-            end do
-            if (is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1))) model%branch(step%first) = -1
-        end if
+        associate (link => step%link(:step%n_link), joint => step%joint(:step%n_link + 1))
+            has_hints = has_start(model, link, joint)
+            fits = .false.
+            ! a dyad with a slide that leads inside it is led by more than where links are drawn
+            if (.not. (has_hints .or. is_led_dyad(step))) fits = fits_as_written(model, link, joint, state%plane)
+            speaks = has_hints .or. fits
+            if (forced /= 0) then
+                model%branch(step%first) = forced
+                model%chosen_by(step%first) = by_branch
+            else if (speaks .or. is_led_dyad(step)) then
+                if (speaks) model%chosen_by(step%first) = merge(by_start, by_markers, has_hints)
+                do i = 1, 2
+                    state%branch(:, step%first) = 3 - 2*i
+                    call run_step(model, step, state)
+                    distance(i) = measure_distance(model, link, joint, state, fits)
+                end do
+                if (is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1))) model%branch(step%first) = -1
+            end if
+        end associate
         state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
@@ -119,7 +124,7 @@ contains
         integer :: i
 
         branch = 0
-        do i = 1, 3
+        do i = 1, step%n_link + 1
             associate (spec => model%scene%joint(step%joint(i)))
                 if (spec%branch == 0) cycle
                 if (.not. step%has_branches) then

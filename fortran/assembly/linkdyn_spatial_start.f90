@@ -65,10 +65,10 @@ contains
                 do way = 1, 2
                     state%branch(:, step%first) = 3 - 2*way
                     call run_step(model, step, state)
-                    distance(way) = measure_distance(model, step%link, step%joint, state, .false.)
+                    distance(way) = measure_distance(model, step%link(:2), step%joint(:3), state, .false.)
                 end do
                 branch = merge(-1, 1, is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1)))
-                model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, step%link, step%joint))
+                model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
             end if
             state%branch(:, step%first) = branch
         end associate

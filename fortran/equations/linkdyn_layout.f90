@@ -27,10 +27,10 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (step%kind /= step_ups) cycle
-                layout%in_own_axes(step%link) = .true.
-                layout%unknown_side(step%joint) = [side_of(model%joint(step%joint(1)), step%link(1)), &
-                                                   side_of(model%joint(step%joint(2)), step%link(1)), &
-                                                   side_of(model%joint(step%joint(3)), step%link(2))]
+                layout%in_own_axes(step%link(:2)) = .true.
+                layout%unknown_side(step%joint(:3)) = [side_of(model%joint(step%joint(1)), step%link(1)), &
+                                                       side_of(model%joint(step%joint(2)), step%link(1)), &
+                                                       side_of(model%joint(step%joint(3)), step%link(2))]
             end associate
         end do
         do l = 1, model%n_link

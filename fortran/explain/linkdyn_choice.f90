@@ -1,7 +1,7 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
     use linkdyn_model, only: model_type, friction_is_shared, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, &
-        by_branch, by_start, by_markers, by_fit
+        is_led_dyad, by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
@@ -43,7 +43,7 @@ contains
         case (by_fit)
             text = text//"for all joints to fit"
         case default
-            if (step%kind == step_group .or. step%kind == step_csp) then
+            if (step%kind == step_group .or. step%kind == step_csp .or. is_led_dyad(step)) then
                 text = text//"nearest to joint variables of zero"
             else
                 text = text//"since nothing says otherwise"
@@ -69,7 +69,7 @@ contains
                 if (step%kind == step_group) then
                     text = text//join(model%link(model%group(step%first)%link)%name)
                 else
-                    text = text//join(model%link(step%link)%name)
+                    text = text//join(model%link(step%link(:step%n_link))%name)
                 end if
                 text = text//": "//choice_in_words(model, step)
             end associate

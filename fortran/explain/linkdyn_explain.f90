@@ -16,8 +16,8 @@ module linkdyn_explain
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_mesh_losses, only: worm_friction_angle
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
-        step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rrr, &
+        step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
@@ -370,7 +370,7 @@ contains
             if (model%step(i)%kind == step_group) then
                 moves_loop = moves_loop .or. any(model%moves(k, model%group(model%step(i)%first)%link))
             else if (model%step(i)%has_branches) then
-                moves_loop = moves_loop .or. any(model%moves(k, model%step(i)%link))
+                moves_loop = moves_loop .or. any(model%moves(k, model%step(i)%link(:model%step(i)%n_link)))
             end if
         end do
     end function moves_loop
@@ -411,6 +411,9 @@ contains
                 text = text//trim(merge(" from coordinate", ",               ", i == 1)) &
                        //" "//led_name(model, step%coordinate(i))
             end do
+        case (step_parts)
+            text = "pose of "//trim(model%link(step%link(1))%name)//" from "//trim(merge("three", "six  ", model%is_planar)) &
+                   //" coordinates, seen from "//name_of(model, model%joint(step%joint(1))%link(1))
         case (step_ups)
             text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //" between "//name_of(model, model%joint(step%joint(1))%link(1))//" and " &
@@ -444,9 +447,16 @@ contains
         case default
             text = trim(step_name(step%kind))//": "
         end select
-        text = text//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name)//" by joints"
+        text = text//trim(model%link(step%link(1))%name)
+        do i = 2, step%n_link
+            text = text//", "//trim(model%link(step%link(i))%name)
+        end do
+        text = text//" by joints"
         do i = 1, 3
             text = text//" "//trim(model%joint(step%joint(i))%name)
+        end do
+        do i = 4, step%n_link + 1
+            text = text//", "//trim(model%joint(step%joint(i))%name)//" from coordinate "//led_name(model, step%coordinate(i - 3))
         end do
     end function dyad_in_words
 

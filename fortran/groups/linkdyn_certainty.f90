@@ -2,6 +2,7 @@
 !> accelerations. See `linkdyn_uncertainty`.
 module linkdyn_certainty
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of, rotation_of
+    use linkdyn_dyads, only: half_type, half_of
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
@@ -102,16 +103,24 @@ contains
         case (step_rrp)
             rate = [turn_of(1), variable_of(3, 1, step%link(2))]
         case (step_rpr)
-            rate = [turn_of(1), -variable_of(2, 1, step%link(2))]
+            rate = [turn_of(1), -variable_of(2, 1, inner_link())]
         case (step_prp)
             rate = [variable_of(1, 1, step%link(1)), variable_of(3, 1, step%link(2))]
         case (step_ppr)
-            rate = [variable_of(1, 1, step%link(1)), -variable_of(2, 1, step%link(2))]
+            rate = [variable_of(1, 1, step%link(1)), -variable_of(2, 1, inner_link())]
         case (step_csp)
             rate = [variable_of(1, 1, step%link(1)), variable_of(3, 1, step%link(2))]
         end select
 
     contains
+
+        !> Of the dyad's second half, at the inner joint.
+        integer function inner_link() result(link)
+            type(half_type) :: half
+
+            half = half_of(mechanism, step, 2)
+            link = half%tip
+        end function inner_link
 
         function turn_of(i) result(turn)
             integer, intent(in) :: i

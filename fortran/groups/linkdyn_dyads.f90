@@ -10,21 +10,25 @@ module linkdyn_dyads
         least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
     use linkdyn_value, only: value, zero, is_constant, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
-    use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(-), operator(*), operator(.dot.), &
-        operator(.rotate.)
+    use linkdyn_vector, only: vector, rotation, unit_vector, identity_rotation, operator(+), operator(-), operator(*), &
+        operator(.dot.), operator(.rotate.)
     implicit none (type, external)
     private
     public :: place_dyad, find_ways
-    public :: half_type, half_of, outer_point, left_of
+    public :: half_type, half_of, outer_point, left_of, inner_point, led_axis
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are products, relative to the lengths in them
 
     !> One of the dyad's links with its outer and its inner joint.
     type :: half_type
-        integer :: link = 0
+        integer :: link = 0                                !! at the outer joint
+        integer :: tip = 0                                 !! at the inner joint: the link itself, or what slides on it
+        integer :: led = 0                                 !! that slide; 0: there is none
+        integer :: given = 0                               !! coordinate, or what gears lead, that gives its variable
+        integer :: led_side = 0                            !! of the link in it
         integer :: known = 0                               !! link at the other side of the outer joint
         integer :: outer = 0, inner = 0                    !! joints
-        integer :: side = 0, inner_side = 0                !! of the link in these
+        integer :: side = 0, inner_side = 0                !! of the link in the outer, of the tip in the inner one
         integer :: sense = 1                               !! +1: a slide at the outer joint grows as the link moves along its axis
     end type half_type
 
@@ -51,6 +55,7 @@ contains
         case (step_ppr)
             call place_ppr(mechanism, half)
         end select
+        call place_tips(mechanism, half)
         call find_ways(mechanism, step)
     end subroutine place_dyad
 
@@ -59,12 +64,23 @@ contains
         type(step_type), intent(in) :: step
         integer, intent(in) :: i
         type(half_type) :: half
+        integer :: k
 
         half%link = step%link(i)
+        half%tip = half%link
         half%outer = step%joint(2*i - 1)
         half%inner = step%joint(2)
+        do k = 3, step%n_link
+            associate (led => step%joint(k + 1))
+                if (all(mechanism%model%joint(led)%link /= half%link)) cycle
+                half%tip = step%link(k)
+                half%led = led
+                half%given = step%coordinate(k - 2)
+                half%led_side = side_of(mechanism%model%joint(led), half%link)
+            end associate
+        end do
         half%side = side_of(mechanism%model%joint(half%outer), half%link)
-        half%inner_side = side_of(mechanism%model%joint(half%inner), half%link)
+        half%inner_side = side_of(mechanism%model%joint(half%inner), half%tip)
         half%known = mechanism%model%joint(half%outer)%link(3 - half%side)
     end function half_of
 
@@ -123,28 +139,25 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
-        type(rotation) :: frame(2), r
-        type(vector) :: u_own, d, u, left, offset(2)
+        type(rotation) :: r
+        type(vector) :: axis(2), d, u, offset(2)
         type(value) :: height, distance2, forward, per
         integer :: i
 
-        ! both links turn as one: in the axes of the first, u_own is the slide's direction
+        ! both links turn as one
         do i = 1, 2
-            frame(i) = marker_frame(mechanism, half(i)%inner, half(i)%inner_side)
-            offset(i) = marker_point(mechanism, half(i)%inner, half(i)%inner_side) &
-                        - marker_point(mechanism, half(i)%outer, half(i)%side)
+            axis(i) = inner_axis(mechanism, half(i))
+            offset(i) = own_arm(mechanism, half(i))
         end do
-        u_own = frame(1)%z
         ! of B beside the line through A, in slide axes
-        left = left_of(frame(1)%z)
-        height = (offset(1) .dot.left) - (offset(2) .dot.left_of(frame(2)%z))
+        height = (offset(1) .dot.left_of(axis(1))) - (offset(2) .dot.left_of(axis(2)))
         d = outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))
         distance2 = d.dot.d
         forward = branch*half_chord(mechanism, sqrt(distance2), height)
         per = reciprocal(distance2)
         u = per*(forward*d - height*left_of(d))
         do i = 1, 2
-            r = turn_onto(frame(i)%z, u)
+            r = turn_onto(axis(i), u)
             call hang(mechanism, half(i), r)
         end do
     end subroutine place_rpr
@@ -175,21 +188,18 @@ contains
     subroutine place_ppr(mechanism, half)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
-        type(rotation) :: frame
         type(vector) :: u(2), gap, inner, own
         type(value) :: per
 
         call turn_with_known(mechanism, half(1))
-        frame = marker_frame(mechanism, half(1)%inner, half(1)%inner_side)
         u(1) = slide_direction(mechanism, half(1))
-        u(2) = rotation_of(mechanism%bodies, half(1)%link) .rotate.frame%z
+        u(2) = rotation_of(mechanism%bodies, half(1)%link) .rotate.inner_axis(mechanism, half(1))
         call must_be_positive(mechanism, square(left_of(u(1)) .dot.u(2)) - least_square)
-        frame = marker_frame(mechanism, half(2)%inner, half(2)%inner_side)
-        mechanism%bodies%turning(mechanism%bodies%body(half(2)%link)%turning)%r = turn_onto(frame%z, u(2))
+        mechanism%bodies%turning(mechanism%bodies%body(half(2)%link)%turning)%r = &
+            turn_onto(inner_axis(mechanism, half(2)), u(2))
         ! from the inner marker of the second link to its hinge
-        own = rotation_of(mechanism%bodies, half(2)%link) .rotate.(marker_point(mechanism, half(2)%outer, half(2)%side) &
-                                                                   - marker_point(mechanism, half(2)%inner, half(2)%inner_side))
-        inner = point_at_zero(mechanism, half(1)) + own
+        own = rotation_of(mechanism%bodies, half(2)%link) .rotate.own_arm(mechanism, half(2))
+        inner = point_at_zero(mechanism, half(1)) - own
         gap = outer_point(mechanism, half(2)) - inner
         per = reciprocal(left_of(u(1)) .dot.u(2))
         call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
@@ -203,7 +213,6 @@ contains
         type(step_type), intent(in) :: step
         type(half_type) :: half(2)
         type(vector) :: way(2)
-        type(rotation) :: frame
 
         half(1) = half_of(mechanism, step, 1)
         half(2) = half_of(mechanism, step, 2)
@@ -228,14 +237,20 @@ contains
             integer, intent(in) :: i
             type(vector) :: arm
 
-            arm = rotation_of(mechanism%bodies, half(i)%link) .rotate.own_arm(mechanism, half(i))
+            if (half(i)%led > 0) then
+                arm = point_position(mechanism%bodies, half(i)%tip, inner_marker(mechanism, half(i))) &
+                      - outer_point(mechanism, half(i))
+            else
+                arm = rotation_of(mechanism%bodies, half(i)%link) .rotate.own_arm(mechanism, half(i))
+            end if
         end function arm_of_half
 
         function inner_direction() result(u)
             type(vector) :: u
+            type(rotation) :: frame
 
             frame = marker_frame(mechanism, half(1)%inner, half(1)%inner_side)
-            u = rotation_of(mechanism%bodies, half(1)%link) .rotate.frame%z
+            u = rotation_of(mechanism%bodies, half(1)%tip) .rotate.frame%z
         end function inner_direction
     end subroutine find_ways
 
@@ -297,8 +312,98 @@ contains
         type(half_type), intent(in) :: half
         type(vector) :: arm
 
-        arm = marker_point(mechanism, half%inner, half%inner_side) - marker_point(mechanism, half%outer, half%side)
+        arm = inner_point(mechanism, half) - marker_point(mechanism, half%outer, half%side)
     end function own_arm
+
+    !> The inner joint's point in the axes of the link: in a half with a slide by way of its tip.
+    function inner_point(mechanism, half) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: point
+
+        point = inner_marker(mechanism, half)
+        if (half%led == 0) return
+        point = marker_point(mechanism, half%led, half%led_side) + mechanism%q(half%given)*led_axis(mechanism, half) &
+                + in_link(mechanism, half, point - marker_point(mechanism, half%led, 3 - half%led_side))
+    end function inner_point
+
+    !> The same in the axes of the tip.
+    function inner_marker(mechanism, half) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: point
+
+        point = marker_point(mechanism, half%inner, half%inner_side)
+    end function inner_marker
+
+    !> Direction of an inner slide in the axes of the link.
+    function inner_axis(mechanism, half) result(u)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: u
+        type(rotation) :: frame
+
+        frame = marker_frame(mechanism, half%inner, half%inner_side)
+        u = in_link(mechanism, half, frame%z)
+    end function inner_axis
+
+    !> Where the tip goes as the slide inside a half grows, in the axes of the link.
+    function led_axis(mechanism, half) result(u)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: u
+        type(rotation) :: frame
+
+        frame = marker_frame(mechanism, half%led, half%led_side)
+        u = frame%z
+        if (half%led_side == 2) u = -u
+    end function led_axis
+
+    !> A vector of the tip in the axes of the link.
+    function in_link(mechanism, half, v) result(w)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector), intent(in) :: v
+        type(vector) :: w
+
+        w = v
+        if (half%led > 0) w = turn_of_tip(mechanism, half) .rotate.v
+    end function in_link
+
+    !> From the tip's axes to those of the link: the slide holds both markers parallel.
+    function turn_of_tip(mechanism, half) result(r)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(rotation) :: r
+        type(rotation) :: frame(2)
+
+        r = identity_rotation()
+        if (mechanism%bodies%body(half%tip)%turning == mechanism%bodies%body(half%link)%turning) return
+        frame(1) = marker_frame(mechanism, half%led, half%led_side)
+        frame(2) = marker_frame(mechanism, half%led, 3 - half%led_side)
+        r = turn_onto(frame(2)%z, frame(1)%z)
+    end function turn_of_tip
+
+    !> The tips of halves that are placed.
+    subroutine place_tips(mechanism, half)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(vector) :: gap
+        integer :: i
+
+        do i = 1, 2
+            if (half(i)%led == 0) cycle
+            associate (bodies => mechanism%bodies, link => half(i)%link, tip => half(i)%tip)
+                if (bodies%body(tip)%turning /= bodies%body(link)%turning) &
+                    bodies%turning(bodies%body(tip)%turning)%r = rotation_of(bodies, link)*turn_of_tip(mechanism, half(i))
+                gap = marker_point(mechanism, half(i)%led, half(i)%led_side) &
+                      + mechanism%q(half(i)%given)*led_axis(mechanism, half(i))
+                bodies%body(tip)%position = point_position(bodies, link, gap) &
+                    - (rotation_of(bodies, tip) .rotate.marker_point(mechanism, half(i)%led, 3 - half(i)%led_side))
+                call set_slide(mechanism, half(i)%led, mechanism%q(half(i)%given))
+            end associate
+        end do
+    end subroutine place_tips
 
     !> Where the outer joint's point on the known link is.
     function outer_point(mechanism, half) result(point)

@@ -4,7 +4,9 @@
 !> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
 !> coupler's axis. Who integrates a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
-    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity, rotation_of
+    use linkdyn_dyads, only: half_type, half_of, outer_point
+    use linkdyn_joint_table, only: joint_prismatic
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
     use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, side_of
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
@@ -38,22 +40,45 @@ contains
         end do
     end subroutine assembly_margins
 
-    !> Each way turns with its link.
+    !> Each way turns with its link; where a slide inside the dyad draws a link out, with the line between the outer and the inner
+    !> hinge.
     subroutine margin_of_turning(mechanism, step, margin, drift)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
         type(value), intent(out) :: margin, drift
-        type(vector) :: omega, normal
+        type(vector) :: normal
         type(value) :: per_lengths
 
         associate (way => mechanism%ways(:, step%first))
             per_lengths = reciprocal(lengths_of(way))
             normal = way(1) .cross.way(2)
-            omega = omega_of(mechanism%bodies, step%link(2), world_axes) - omega_of(mechanism%bodies, step%link(1), world_axes)
             margin = per_lengths*normal%z
-            drift = per_lengths*(omega%z*(way(1) .dot.way(2)))
+            drift = per_lengths*((turn_of_way(mechanism, step, 2) - turn_of_way(mechanism, step, 1))*(way(1) .dot.way(2)))
         end associate
     end subroutine margin_of_turning
+
+    !> How fast a way turns.
+    function turn_of_way(mechanism, step, i) result(turn)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        integer, intent(in) :: i
+        type(value) :: turn
+        type(half_type) :: half
+        type(vector) :: omega, arm, rate, normal
+
+        half = half_of(mechanism, step, i)
+        omega = omega_of(mechanism%bodies, half%link, world_axes)
+        turn = omega%z
+        if (half%led == 0 .or. mechanism%model%joint(half%outer)%kind == joint_prismatic) return
+        associate (bodies => mechanism%bodies)
+            arm = point_position(bodies, half%tip, marker_point(mechanism, half%inner, half%inner_side)) &
+                  - outer_point(mechanism, half)
+            rate = point_velocity(bodies, half%tip, marker_point(mechanism, half%inner, half%inner_side)) &
+                   - point_velocity(bodies, half%link, marker_point(mechanism, half%outer, half%side))
+        end associate
+        normal = arm.cross.rate
+        turn = normal%z*reciprocal(arm.dot.arm)
+    end function turn_of_way
 
     !> Of a pair of sliding links between two hinges, A and B: the first way is the line AB turned left, the second, along the
     !> slide, turns with the pair. The sine is that of the slide's length; how the line's own length changes is left out, as it

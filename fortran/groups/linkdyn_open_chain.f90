@@ -1,4 +1,5 @@
-!> Steps that place one link by coordinates: a pose that is given, and a link behind a joint whose variables are.
+!> Steps that place one link by coordinates: a pose that is given, and a link behind a joint, or behind the parts of a pose, whose
+!> variables are.
 module linkdyn_open_chain
     use linkdyn_attitude, only: rotation_by_angles, rotation_by_quaternion, angular_velocity, angular_acceleration
     use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, rotation_of, acceleration_of_origin, &
@@ -13,7 +14,7 @@ module linkdyn_open_chain
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: take_pose, walk_joint
+    public :: take_pose, take_parts, walk_joint
 
 contains
 
@@ -53,6 +54,23 @@ contains
         end associate
     end subroutine take_pose
 
+    !> A link whose parts of a pose, of a point and of the attitude, both as a known link sees them, give all of it.
+    subroutine take_parts(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step                !! joints: position, attitude
+        type(value), dimension(6) :: q, qd
+        integer :: k
+
+        do k = 1, 6
+            q(k) = zero()
+            qd(k) = zero()
+            if (step%coordinate(k) == 0) cycle             ! in a plane there are x, y, yaw only
+            q(k) = mechanism%q(step%coordinate(k))
+            qd(k) = mechanism%qd(step%coordinate(k))
+        end do
+        call walk_joint(mechanism, step%joint(1), .false., q, qd, attitude=step%joint(2))
+    end subroutine take_parts
+
     !> The link behind a joint whose variables and rates are known.
     !>
     !> With A the joint's first link and B its second, M their markers' frames, turn and slide s those of the joint, w the
@@ -60,39 +78,47 @@ contains
     !>
     !>     R_B = R_A M_A turn M_B^T        omega_B = omega_A + M_A w        point of B's marker = point of A's + M_A s
     !>
-    !> Either link may be the one known before.
-    subroutine walk_joint(mechanism, j, from_second, q, qd, quaternion)
+    !> Either link may be the one known before. Of a position without attitude another joint between the same links gives the turn.
+    subroutine walk_joint(mechanism, j, from_second, q, qd, quaternion, attitude)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: j                       !! joint
         logical, intent(in) :: from_second             !! B is known, A is placed
         type(value), intent(in) :: q(:), qd(:)         !! its variables, whose rates the mechanism knows [m, rad]
         type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint; the rates are then about the first marker's axes
+        integer, intent(in), optional :: attitude      !! that other joint, whose variables follow
         type(joint_shift) :: shift
         type(rotation) :: frame_a, frame_b, turn
         type(vector) :: arm_a, arm_b, w(3), s(3)       ! w: value, rate; s: value, rate, second rate; axes of A
-        integer :: a, b, axes, k
+        integer :: a, b, axes, k, turner, n_before
 
         a = mechanism%model%joint(j)%link(1)
         b = mechanism%model%joint(j)%link(2)
-        associate (kind => mechanism%kind(j)%is)
-            shift = kind%shift(q)
+        turner = j
+        n_before = 0
+        if (present(attitude)) then
+            turner = attitude
+            n_before = mechanism%kind(j)%is%n_variable
+        end if
+        associate (kind => mechanism%kind(turner)%is)
+            shift = kind%shift(q(n_before + 1:))
             if (present(quaternion)) then
                 shift%turn = rotation_by_quaternion(quaternion)
                 shift%axis = [unit_vector(1), unit_vector(2), unit_vector(3)]
             end if
-            frame_a = marker_frame(mechanism, j, 1)
-            frame_b = marker_frame(mechanism, j, 2)
+            frame_a = marker_frame(mechanism, turner, 1)
+            frame_b = marker_frame(mechanism, turner, 2)
             arm_a = marker_point(mechanism, j, 1)
             arm_b = marker_point(mechanism, j, 2)
             w(1) = zero_vector()
             do k = 1, kind%n_variable
-                if (.not. kind%is_slide(k)) w(1) = w(1) + qd(k)*shift%axis(k)
+                if (.not. kind%is_slide(k)) w(1) = w(1) + qd(n_before + k)*shift%axis(k)
             end do
             w(2) = rate_of_vector(mechanism, w(1))
             s(1) = shift%slide
+            if (n_before > 0) s(1) = vector_of(q(:n_before))
             s(2) = rate_of_vector(mechanism, s(1))
             s(3) = rate_of_vector(mechanism, s(2))
-            mechanism%slide(j) = shift%slide
+            mechanism%slide(j) = s(1)
             do k = 1, 3
                 s(k) = frame_a.rotate.s(k)
             end do

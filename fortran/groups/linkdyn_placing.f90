@@ -8,8 +8,8 @@ module linkdyn_placing
     use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
-    use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
-    use linkdyn_open_chain, only: take_pose, walk_joint
+    use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_group, is_dyad
+    use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
     use linkdyn_system, only: system_type
     use linkdyn_value, only: value, zero
     use linkdyn_vector, only: vector, vector_of, operator(.unrotate.)
@@ -56,11 +56,14 @@ contains
                 call complete_led(mechanism, k, [integer ::])
                 call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k), quaternion)
             end associate
+        case (step_parts)
+            call take_parts(mechanism, step)
         case (step_ups)
             call close_leg(mechanism, step, equations)
         case (step_csp)
             call place_csp(mechanism, step, branch)
         case default
+            call complete_led(mechanism, pack(step%coordinate, step%coordinate > 0), [integer ::])
             call place_dyad(mechanism, step, branch)
         end select
     end subroutine place_links
@@ -72,14 +75,16 @@ contains
         closes_loop = step%kind == step_group .or. step%kind == step_csp .or. is_dyad(step%kind)
     end function closes_loop
 
-    !> Constraints of a closed form, whose links are placed.
+    !> Constraints of a closed form, whose links are placed; of slides inside it also what their variables are.
     subroutine list_step_constraints(mechanism, step, constraints)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
         type(group_constraints), intent(out) :: constraints
-        integer, parameter :: none(3, 3) = 0
+        integer :: given(3, step%n_link + 1)
 
-        call list_constraints(mechanism, step%link, step%joint, none, constraints)
+        given = 0
+        given(1, 4:) = step%coordinate(:step%n_link - 2)
+        call list_constraints(mechanism, step%link(:step%n_link), step%joint(:step%n_link + 1), given, constraints)
     end subroutine list_step_constraints
 
     !> Joints that a step closes.

@@ -26,7 +26,9 @@ contains
                 if (known(output)) cycle
                 do p = 1, model%n_joint
                     if (unknown_end(p, joint_prismatic) /= output) cycle
-                    step = step_type(kind=step_csp, n_link=2, link=[coupler, output], joint=[c, s, p])
+                    step = step_type(kind=step_csp, n_link=2)
+                    step%link(:2) = [coupler, output]
+                    step%joint(:3) = [c, s, p]
                     found = .true.
                     return
                 end do

@@ -13,11 +13,12 @@ module linkdyn_model
         led_type, loose_type
     public :: motor_type, take_motors
     public :: share_type, arm_type, driven_type
-    public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, &
+        step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, friction_is_shared, feels_shares
-    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
+    public :: is_dyad, is_led_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
@@ -39,8 +40,9 @@ module linkdyn_model
     integer, parameter :: step_ppr = 8
     integer, parameter :: step_group = 9     !! any other Assur group, closed by Newton's method
     integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
-    character(len=24), parameter :: step_name(10) = [character(len=24) :: "pose", "open chain", "UPS leg", &
-        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group"]
+    integer, parameter :: step_parts = 11    !! a link whose pose, or that of a marker of it, is given seen from a known link, or bit by bit
+    character(len=24), parameter :: step_name(11) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -161,8 +163,9 @@ module linkdyn_model
     type :: step_type
         integer :: kind = 0
         integer :: n_link = 0
-        integer :: link(2) = 0                !! links that the step determines
-        integer :: joint(3) = 0               !! joints that it uses
+        integer :: link(4) = 0                !! links that the step determines
+        integer :: joint(5) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
+                                              !! whose variables are given; links beyond the second are at their far ends
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
         integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, CSP groups, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
@@ -369,6 +372,13 @@ contains
 
         is_dyad = kind >= step_rrr .and. kind <= step_ppr
     end function is_dyad
+
+    !> A dyad in which slides, whose variables are given, hold links together two by two.
+    pure logical function is_led_dyad(step)
+        type(step_type), intent(in) :: step
+
+        is_led_dyad = is_dyad(step%kind) .and. step%n_link > 2
+    end function is_led_dyad
 
     !> Freedoms of a link on its own.
     pure integer function link_freedom(model)

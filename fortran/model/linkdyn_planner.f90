@@ -7,11 +7,12 @@
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
     use linkdyn_gearing, only: lead_by_loose, forget_loose
-    use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, variable_name
+    use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, variable_name, pose_position
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
+    use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, side_of, link_freedom, place_size
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
@@ -130,7 +131,8 @@ contains
                                                                  model%is_planar)))
                 return
             end if
-            step = step_type(kind=step_pose, n_link=1, link=[i, 0], coordinate=given(:, i))
+            step = step_type(kind=step_pose, n_link=1, coordinate=given(:, i))
+            step%link(1) = i
             call add_step(plan, step)
         end do
     end subroutine take_poses
@@ -227,10 +229,9 @@ contains
         !> By an open chain or a closed form, if there is one.
         subroutine place_directly()
             if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
-            if (size(member) /= 2) return
-            if (model%is_planar) then
-                call close_dyad(model, member, plan, status)
-            else
+            if (size(member) == 1 .and. plan%n_step == n_before) call place_by_parts(model, member(1), plan)
+            if (model%is_planar) call close_dyad(model, member, plan, status)
+            if (.not. model%is_planar .and. size(member) == 2) then
                 call close_ups_leg(model, member, plan)
                 if (plan%n_step == n_before) call close_csp_group(model, member, plan)
             end if
@@ -332,7 +333,9 @@ contains
                 n = joint_n_variable(joint%kind)
                 if (is_partial(joint%kind) .or. joint%cam > 0) cycle
                 if (any(plan%given(:n, j) == 0) .or. .not. plan%known(joint%link(3 - side_of(joint, link)))) cycle
-                step = step_type(kind=step_joint, n_link=1, link=[link, 0], joint=[j, 0, 0])
+                step = step_type(kind=step_joint, n_link=1)
+                step%link(1) = link
+                step%joint(1) = j
                 step%from_second = side_of(joint, link) == 1
                 step%coordinate(:n) = plan%given(:n, j)
                 if (step%from_second .and. n > 1 .and. joint%kind /= joint_cylindrical) then
@@ -345,6 +348,36 @@ contains
             return
         end do
     end subroutine extend_open_chain
+
+    !> A link whose pose is given by its parts, all of them as one known link sees them: one of its points, say, or bit by bit.
+    subroutine place_by_parts(model, link, plan)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
+        logical :: needed(6)
+        integer :: part(2), i, j
+
+        part = 0
+        do j = model%n_joint + 1, size(model%joint)
+            associate (joint => model%joint(j))
+                if (joint%link(2) /= link .or. all(plan%given(:, j) == 0)) cycle
+                if (.not. plan%known(joint%link(1))) return
+                i = merge(1, 2, joint%kind == pose_position)
+                if (part(i) > 0) return
+                part(i) = j
+            end associate
+        end do
+        if (any(part == 0)) return
+        if (model%joint(part(1))%link(1) /= model%joint(part(2))%link(1)) return
+        step = step_type(kind=step_parts, n_link=1, coordinate=[plan%given(:, part(1)), plan%given(:, part(2))])
+        step%link(1) = link
+        step%joint(:2) = part
+        needed = .true.
+        if (model%is_planar) needed(3:5) = .false.
+        if (any(needed .neqv. step%coordinate > 0)) return
+        call add_step(plan, step)
+    end subroutine place_by_parts
 
     !> The three joints of a pair of links: to a known link, between them, to a known link. Zero if there are others.
     pure function joints_of_pair(model, pair, plan) result(joint)
@@ -379,17 +412,15 @@ contains
     !> A planar dyad: by its signature of revolute and prismatic joints.
     subroutine close_dyad(model, member, plan, status)
         type(model_type), intent(inout) :: model
-        integer, intent(in) :: member(2)
+        integer, intent(in) :: member(:)
         type(planning), intent(inout) :: plan
         type(status_type), intent(inout) :: status
         type(step_type) :: step
+        logical :: found
         character(len=3) :: signature
 
-        step = step_type(n_link=2, link=member, joint=joints_of_pair(model, member, plan))
-        if (any(step%joint == 0)) return
-        if (any(plan%given(1, step%joint) > 0) .or. any(is_partial(model%joint(step%joint)%kind)) &
-            .or. any(model%joint(step%joint)%cam > 0)) return
-        if (model%joint(step%joint(2))%link(1) /= member(1)) call turn_round(step)
+        call find_dyad(model, member, plan%known, plan%given, step, found)
+        if (.not. found) return
         signature = signature_of(model, step)
         if (signature == "PRR" .or. signature == "RPP") then
             call turn_round(step)
@@ -408,7 +439,7 @@ contains
             step%kind = step_ppr
         case default
             call fail(status, status_bad_input, "links "//link_names(model, member)//" are held by three slides, " &
-                      //joint_names(model, step%joint)//", which leave a shift free and fix the angle twice " &
+                      //joint_names(model, step%joint(:3))//", which leave a shift free and fix the angle twice " &
                       //"(expected a revolute joint among them)")
             return
         end select
@@ -419,13 +450,6 @@ contains
         step%has_margin = step%has_branches .or. step%kind == step_prp
         call add_step(plan, step)
     end subroutine close_dyad
-
-    pure subroutine turn_round(step)
-        type(step_type), intent(inout) :: step
-
-        step%link = step%link([2, 1])
-        step%joint = step%joint([3, 2, 1])
-    end subroutine turn_round
 
     pure function signature_of(model, step) result(signature)
         type(model_type), intent(in) :: model
@@ -524,8 +548,10 @@ contains
         type(planning), intent(inout) :: plan
         type(step_type) :: step
 
-        step = step_type(kind=step_ups, n_link=2, link=member, joint=joints_of_pair(model, member, plan))
-        if (any(step%joint == 0)) return
+        step = step_type(kind=step_ups, n_link=2)
+        step%link(:2) = member
+        step%joint(:3) = joints_of_pair(model, member, plan)
+        if (any(step%joint(:3) == 0)) return
         if (model%joint(step%joint(1))%kind /= joint_universal) call turn_round(step)
         if (allocated(plan%stand)) then
             call close_straight_leg(model, plan, step)
@@ -568,13 +594,13 @@ contains
         type(planning), intent(inout) :: plan
         type(step_type), intent(inout) :: step
 
-        if (any(model%joint(step%joint)%kind /= [joint_universal, joint_prismatic, joint_spherical])) return
-        if (any(plan%given(:, step%joint) > 0)) return
+        if (any(model%joint(step%joint(:3))%kind /= [joint_universal, joint_prismatic, joint_spherical])) return
+        if (any(plan%given(:, step%joint(:3)) > 0)) return
         if (.not. is_straight_leg(model, step)) return
         call note_ways(model, plan%stand, step)
         call add_step(plan, step)
         model%n_orientation = model%n_orientation + 1
-        model%link(step%link)%orientation = model%n_orientation
+        model%link(step%link(:2))%orientation = model%n_orientation
     end subroutine close_straight_leg
 
     !> Does the slide run along the line from U to S, square to the second axis of the universal joint?

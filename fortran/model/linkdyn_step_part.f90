@@ -7,7 +7,7 @@
 module linkdyn_step_part
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_pose, step_ups, is_dyad, &
+    use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_joint, step_parts, step_ups, is_dyad, &
         gives_attitude, leads_within, orientation_of
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
@@ -92,7 +92,9 @@ contains
                 n = n + 1
                 own%coordinate(k) = n
                 part%model%scene%coordinate(n)%kind = coordinate_pose
-                if (own%kind /= step_pose) call lead_joint(part, n, 1, k)
+                if (own%kind == step_joint) call lead_joint(part, n, 1, k)
+                if (own%kind == step_parts) call lead_joint(part, n, 1 + (k - 1)/3, 1 + mod(k - 1, 3))
+                if (is_dyad(own%kind)) call lead_joint(part, n, 3 + k, 1)
             end do
             part%model%n_dyad = merge(1, 0, is_dyad(own%kind))
             part%model%n_branch = merge(1, 0, own%has_margin)

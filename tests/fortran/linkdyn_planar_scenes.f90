@@ -68,12 +68,15 @@ contains
         call add_actuator(scene, joint, 1)
     end subroutine drive
 
-    !> A dyad between two driven links; or between the frame and a link on a rail, to stretch it.
-    subroutine dyad_scene(signature, scene, on_rail)
+    !> A dyad between two driven links; or between the frame and a link on a rail, to stretch it. In its halves there may be slides that
+    !> lead: 1 in the first, 2 in the second, 3 in both.
+    subroutine dyad_scene(signature, scene, on_rail, led)
         character(len=3), intent(in) :: signature
         type(scene_type), intent(out) :: scene
         logical, intent(in), optional :: on_rail
-        integer :: a, b, x, y, joint
+        integer, intent(in), optional :: led
+        integer :: a, b, x, y, tip(2), joint
+        logical :: is_led(2)
 
         call planar_scene(scene)
         if (present(on_rail)) then
@@ -93,19 +96,32 @@ contains
         b = add_body(scene, "b")
         x = add_body(scene, "x")
         y = add_body(scene, "y")
+        tip = [x, y]
+        is_led = .false.
+        if (present(led)) is_led = [btest(led, 0), btest(led, 1)]
+        if (is_led(1)) tip(1) = add_body(scene, "x2")
+        if (is_led(2)) tip(2) = add_body(scene, "y2")
         joint = connect(scene, "A", "R", 0, [0.0_wp, 0.0_wp], a, [0.0_wp, 0.1_wp])
         call drive(scene, joint)
         joint = connect(scene, "B", "R", b, [0.05_wp, 0.0_wp], 0, [1.0_wp, 0.1_wp])
         call drive(scene, joint)
         joint = connect(scene, "outer1", signature(1:1), a, [0.3_wp, 0.1_wp], x, [0.02_wp, 0.01_wp], 0.9_wp, 0.2_wp)
         if (signature(2:2) == "R") then
-            joint = connect(scene, "inner", "R", y, [0.55_wp, 0.1_wp], x, [0.7_wp, -0.1_wp])
+            joint = connect(scene, "inner", "R", tip(2), [0.55_wp, 0.1_wp], tip(1), [0.7_wp, -0.1_wp])
         else
-            joint = connect(scene, "inner", "P", y, [0.05_wp, 0.1_wp], x, [0.07_wp, -0.1_wp], 2.0_wp, -0.3_wp)
+            joint = connect(scene, "inner", "P", tip(2), [0.05_wp, 0.1_wp], tip(1), [0.07_wp, -0.1_wp], 2.0_wp, -0.3_wp)
         end if
         joint = connect(scene, "outer2", signature(3:3), y, [0.03_wp, -0.04_wp], b, [-0.2_wp, 0.15_wp], 0.4_wp, 1.9_wp)
         scene%joint(4)%branch = merge(1, 0, index("RRR RRP PRR RPR", signature) > 0)
-        call start_at(scene, [0.4_wp, -0.3_wp])
+        if (is_led(1)) then
+            joint = connect(scene, "inside1", "P", x, [0.1_wp, 0.05_wp], tip(1), [0.2_wp, 0.0_wp], 0.3_wp, 0.1_wp)
+            call drive(scene, joint)
+        end if
+        if (is_led(2)) then
+            joint = connect(scene, "inside2", "P", tip(2), [0.2_wp, 0.03_wp], y, [0.1_wp, -0.05_wp], -0.2_wp, 0.6_wp)
+            call drive(scene, joint)
+        end if
+        call start_at(scene, [0.4_wp, -0.3_wp, spread(0.15_wp, 1, count(is_led))])
     end subroutine dyad_scene
 
     !> A platform on three rods with a crank: a triad, which no dyad places.

@@ -96,12 +96,14 @@ contains
         type(test_error), intent(inout) :: error
         character(len=3), parameter :: signature(5) = ["RRR", "PRR", "RPR", "PRP", "PPR"]
         type(scene_type) :: scene
-        integer :: i
+        integer :: i, led
 
-        do i = 1, size(signature)
-            call dyad_scene(signature(i), scene)
-            call compare(error, scene)
-            if (allocated(error%message)) return
+        do led = 0, 3                              ! with slides inside that lead: in neither half, one, the other, both
+            do i = 1, size(signature)
+                call dyad_scene(signature(i), scene, led=led)
+                call compare(error, scene)
+                if (allocated(error%message)) return
+            end do
         end do
     end subroutine test_dyads
 

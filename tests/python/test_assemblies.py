@@ -537,10 +537,16 @@ def test_scissor_by_its_cylinder() -> None:
 
 
 def test_branch_without_meaning_is_refused() -> None:
+    """In a group closed by iteration; a boom's cylinder obeys."""
+    scene = read("scissor_by_stroke.toml")
+    joint = scene["joint"][2]
+    joint["branch"] = -1
+    with pytest.raises(linkdyn.SceneError, match=f"joint '{joint['name']}': 'branch' has no meaning here: its links are closed by iteration"):
+        linkdyn.Scene(scene)
     scene = read("boom_by_stroke.toml")
     scene["joint"][2]["branch"] = -1
-    with pytest.raises(linkdyn.SceneError, match="joint 'cyl': 'branch' has no meaning here"):
-        linkdyn.Scene(scene)
+    angle = np.degrees(linkdyn.Scene(scene).inverse().joint_variable.sel(variable="A.angle").values[0])
+    assert angle == pytest.approx(-120.6, abs=0.1)
 
 
 # ---------------------------------------------------------------- words

@@ -150,7 +150,8 @@ def scene_of(name: str) -> linkdyn.Scene:
 
 
 INVERSE = ["stewart_tsai", "stewart_drilling", "fourbar", "watt_i", "stephenson_iii", "sixbar_slider/scene_inclined.toml", "andrews",
-           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml", "planetary_gearbox", "hoist", "strut"]
+           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml", "planetary_gearbox", "hoist", "strut",
+           "../tests/scenes/excavator.toml", "../tests/scenes/boom_by_stroke.toml"]
 
 
 @pytest.mark.accuracy
@@ -272,10 +273,10 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
 @pytest.mark.thorough
 @pytest.mark.accuracy
-@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "fivebar_by_gears", "fivebar_by_gears_3d",
+@pytest.mark.parametrize("name", ["planar_platform", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "fivebar_by_gears", "fivebar_by_gears_3d",
                                   "wheel_by_coupler", "../../examples/tripod/scene", "../../examples/agile_eye/scene"])
 def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
-    """Excavators, platforms on slides, spatial four-bars, loops closed by gears, three legs more than needed: from call to call in steps of a controller, all forces as the engine's."""
+    """Platforms on cranks and on slides, spatial four-bars, loops closed by gears, three legs more than needed: from call to call in steps of a controller, all forces as the engine's."""
     scene = load(f"../tests/scenes/{name}.toml")
     compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
     time = scene.description["time"]

@@ -204,17 +204,64 @@ def test_seen_from_a_moving_link(components: tuple[str, ...]) -> None:
     assert np.abs(motion[0] - motion[1]).max() < 1e-7
 
 
-def test_all_components_are_the_pose() -> None:
-    """Named one by one they lead the link as the pose without names does, in closed form; of a marker by iteration."""
+SPATIAL = ["x", "y", "z", "roll", "pitch", "yaw"]
+
+
+@pytest.mark.parametrize("tables", [[SPATIAL], [SPATIAL[:3], SPATIAL[3:]], [["y", "yaw"], ["x", "z", "roll", "pitch"]]])
+@pytest.mark.parametrize("leader", [{"link": "platform"}, {"marker": "platform.center"}])
+def test_all_components_are_the_pose(leader: dict[str, str], tables: list[list[str]]) -> None:
+    """Named one by one, in one table or in several, also of a marker: they lead the link as the pose without names does, in closed form."""
     scene = linkdyn.load(EXAMPLES / "stewart_tsai" / "scene.toml")
     run = scene.inverse()
-    first = dict(zip(["x", "y", "z", "roll", "pitch", "yaw"], run.q.values[0].tolist()))
-    named = [{"link": "platform", "components": list(first), "start": first}]
-    by_marker = [{"marker": "platform.center", "components": list(first), "start": first}]
-    for coordinates, road in ((named, "samples_closed_form"), (by_marker, "samples_iterated")):
-        again = led("stewart_tsai", coordinates).inverse(q=run.q.values, qd=run.qd.values, qdd=run.qdd.values)
-        assert again.attrs.get(road, len(run.q)) == len(run.q)
+    first = dict(zip(SPATIAL, run.q.values[0].tolist()))
+    other = led("stewart_tsai", [leader | {"components": table, "start": {name: first[name] for name in table}} for table in tables])
+    assert "Newton's method" not in other.explain()
+    order = [SPATIAL.index(name) for table in tables for name in sorted(table, key=SPATIAL.index)]
+    for solver in ("elimination", "lapack"):
+        again = other.inverse(q=run.q.values[:, order], qd=run.qd.values[:, order], qdd=run.qdd.values[:, order], solver=solver)
+        assert again.attrs["samples_iterated"] == 0
         for name in ("driving_force", "reaction"):
+            assert np.abs(again[name].values - run[name].values).max() < ROUNDING * np.abs(run[name].values).max()
+
+
+@pytest.mark.parametrize("tables", [[["x", "y", "yaw"]], [["x", "y"], ["yaw"]], [["x"], ["yaw", "y"]]])
+def test_a_point_of_a_link_and_its_angle_seen_from_a_crank(tables: list[list[str]]) -> None:
+    """In the plane, against the slides and the hinge that carry the link on the crank; where the tip is and how it moves by hand."""
+    tip = np.array([0.3, -0.2])
+    data: dict[str, Any] = {
+        "title": "A body on a crank", "space": "planar", "gravity": [0.0, -9.81], "frame": {"markers": {"O": [0.1, 0.2]}},
+        "link": [
+            {"name": "crank", "mass": 2.0, "cog": [0.1, 0.05], "inertia": 0.3, "markers": {"O": [0, 0], "x": {"at": [0.4, 0.1], "axis": [1, 0]}}},
+            {"name": "sled", "mass": 0.5, "inertia": 0.1, "markers": {"x": {"at": [0, 0], "axis": [1, 0]}, "y": {"at": [0, 0], "axis": [0, 1]}}},
+            {"name": "lift", "mass": 0.4, "inertia": 0.1, "markers": {"y": {"at": [0, 0], "axis": [0, 1]}, "B": [0, 0]}},
+            {"name": "body", "mass": 1.5, "cog": [0.2, 0.1], "inertia": 0.2, "markers": {"B": [0, 0], "tip": list(tip)}},
+        ],
+        "joint": [
+            {"name": "O", "type": "revolute", "between": ["frame.O", "crank.O"]},
+            {"name": "x", "type": "prismatic", "between": ["crank.x", "sled.x"]},
+            {"name": "y", "type": "prismatic", "between": ["sled.y", "lift.y"]},
+            {"name": "B", "type": "revolute", "between": ["lift.B", "body.B"]},
+        ],
+        "actuator": [{"joint": name} for name in "OxyB"],
+    }
+    by_joints = linkdyn.Scene(data | {"coordinate": [{"joint": name} for name in "OxyB"]})
+    other = linkdyn.Scene(data | {"coordinate": [{"joint": "O"}, *({"marker": "body.tip", "relative_to": "crank", "components": table} for table in tables)]})
+    assert "Newton's method" not in other.explain()
+    rng = np.random.default_rng(8)
+    q, qd, qdd = (rng.uniform(-1.0, 1.0, (40, 4)) for _ in range(3))
+    run = by_joints.inverse(q=q, qd=qd, qdd=qdd)
+    cos, sin = np.cos(q[:, 3:]), np.sin(q[:, 3:])
+    arm = np.hstack([cos * tip[0] - sin * tip[1], sin * tip[0] + cos * tip[1]])
+    left = np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    names = {"x": 0, "y": 1, "yaw": 2}
+    order = [names[name] for table in tables for name in sorted(table)]
+    q2 = np.hstack([q[:, 1:3] + arm + [0.4, 0.1], q[:, 3:]])[:, order]
+    qd2 = np.hstack([qd[:, 1:3] + qd[:, 3:] * left, qd[:, 3:]])[:, order]
+    qdd2 = np.hstack([qdd[:, 1:3] + qdd[:, 3:] * left - qd[:, 3:] ** 2 * arm, qdd[:, 3:]])[:, order]
+    for solver in ("elimination", "lapack"):
+        again = other.inverse(q=np.hstack([q[:, :1], q2]), qd=np.hstack([qd[:, :1], qd2]), qdd=np.hstack([qdd[:, :1], qdd2]), solver=solver)
+        assert (again.status.values == 0).all()
+        for name in ("driving_force", "reaction", "joint_variable", "joint_rate"):
             assert np.abs(again[name].values - run[name].values).max() < ROUNDING * np.abs(run[name].values).max()
 
 
