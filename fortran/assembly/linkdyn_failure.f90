@@ -9,8 +9,7 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
-    use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_csp, step_rrr, is_dyad, is_length, side_of, &
-        by_nothing
+    use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_rrr, is_dyad, is_length, side_of, by_nothing
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
         sample_locked
@@ -162,7 +161,7 @@ contains
 
         do i = size(model%step), 1, -1
             associate (step => model%step(i))
-                if ((is_dyad(step%kind) .or. step%kind == step_csp) .and. step%first == map) return
+                if ((is_dyad(step%kind) .or. step%has_margin) .and. step%first == map) return
                 if (step%kind == step_group .and. model%n_branch + step%first == map) return
             end associate
         end do

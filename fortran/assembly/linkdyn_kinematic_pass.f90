@@ -132,7 +132,8 @@ contains
                 call set_rates(model, part, level_given, found, state)
             end if
             if (step%kind == step_pose) call set_pose_columns(model, step, state)
-            if (is_dyad(step%kind)) state%singular = state%singular .or. .not. (is_determined(found) .or. state%unreachable)
+            if (is_dyad(step%kind) .or. step%has_margin) &
+                state%singular = state%singular .or. .not. (is_determined(found) .or. state%unreachable)
         end associate
     end subroutine move_by_formulas
 

@@ -20,7 +20,8 @@ module linkdyn_newton_group
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, step_rus, is_dyad, &
+        is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -113,13 +114,14 @@ contains
 
     !> Below which margins of closed forms cannot be told from zero. A dyad far from the origin is closed between places that
     !> round by more of its links' lengths than one beside it, and one that hangs on other dyads has their rounding, too: of a
-    !> row of parallelograms all come to their change points at once.
+    !> row of parallelograms all come to their change points at once. So do legs of crank or carriage and rod.
     pure function least_closed_margins(model) result(least)
         type(model_type), intent(in) :: model
         real(wp) :: least(model%n_branch)
         real(wp) :: shortest
         integer :: depth(0:model%n_link)     ! dyads one behind the other, up to a link
         integer :: below, i, k
+        logical :: is_pair
 
         least = untrusted
         depth = 0
@@ -129,8 +131,9 @@ contains
                 do k = 1, count(step%joint > 0)
                     below = max(below, maxval(depth(model%joint(step%joint(k))%link)))
                 end do
-                depth(step%link(:step%n_link)) = below + merge(1, 0, is_dyad(step%kind))
-                if (.not. is_dyad(step%kind)) cycle
+                is_pair = is_dyad(step%kind) .or. is_rod_leg(step%kind)
+                depth(step%link(:step%n_link)) = below + merge(1, 0, is_pair)
+                if (.not. is_pair) cycle
                 shortest = huge(1.0_wp)
                 do k = 1, 2
                     if (has_arm(step, k)) shortest = min(shortest, arm_length(step, k))
@@ -141,13 +144,14 @@ contains
 
     contains
 
-        !> Does a link of the dyad turn between two hinges? One that a slide draws out has no length to count on.
+        !> Does a link of the dyad turn between two hinges, or is it a crank or rod? One that a slide draws out has no length to count on.
         pure logical function has_arm(step, k)
             type(step_type), intent(in) :: step
             integer, intent(in) :: k
 
             has_arm = all(model%joint(step%joint([2*k - 1, 2]))%kind == joint_revolute) &
                       .and. any(model%joint(step%joint(2))%link == step%link(k))
+            if (is_rod_leg(step%kind)) has_arm = k == 2 .or. step%kind == step_rus
         end function has_arm
 
         pure real(wp) function arm_length(step, k)

@@ -1,15 +1,17 @@
-!> The assembly of a spatial mechanism at its start: which of its two ways each CSP group closes, and where the links of
+!> The assembly of a spatial mechanism at its start: in which of its ways each closed form closes, and where the links of
 !> groups closed by iteration are.
 !>
-!> Of a CSP group a `branch` written at the spherical joint decides, otherwise the nearer way (`linkdyn_start_distance`).
+!> Of a closed form a `branch` written at the joint between its links decides, otherwise the nearest way (`linkdyn_start_distance`).
 module linkdyn_spatial_start
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_csp, step_group, by_branch, by_start, by_nothing
+    use linkdyn_model, only: model_type, step_type, step_csp, step_group, is_rod_leg, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_planar_start, only: start_group
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
+    use linkdyn_step_part, only: describe_step
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -32,7 +34,7 @@ contains
         allocate (model%branch(model%n_branch))
         model%branch = 1
         allocate (model%chosen_by(model%n_branch), source=by_branch)
-        if (.not. any(model%step%kind == step_csp .or. model%step%kind == step_group)) return
+        if (.not. any(is_closed(model%step) .or. model%step%kind == step_group)) return
         do i = 1, size(model%group)
             model%group(i)%start = 0
         end do
@@ -40,7 +42,7 @@ contains
         state%q = spread(model%start_q, 1, lanes)
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (step%kind == step_csp) call choose_branch(model, step, state)
+                if (is_closed(step)) call choose_way(model, i, state)
                 if (step%kind == step_group) then
                     call start_group(model, step, state, status, like)
                 else
@@ -51,26 +53,53 @@ contains
         end do
     end subroutine assemble_in_space
 
-    !> The way in which a CSP group closes.
-    subroutine choose_branch(model, step, state)
-        type(model_type), intent(inout) :: model
+    !> Is it a closed form with ways to choose from?
+    elemental logical function is_closed(step)
         type(step_type), intent(in) :: step
-        type(kinematic_state), intent(inout) :: state
-        type(start_distance) :: distance(2)
-        integer :: way
 
-        associate (branch => model%branch(step%first))
-            branch = model%scene%joint(step%joint(2))%branch
-            if (branch == 0) then
-                do way = 1, 2
-                    state%branch(:, step%first) = 3 - 2*way
-                    call run_step(model, step, state)
-                    distance(way) = measure_distance(model, step%link(:2), step%joint(:3), state, .false.)
+        is_closed = step%kind == step_csp .or. is_rod_leg(step%kind)
+    end function is_closed
+
+    !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways those
+    !> that a `branch` leaves.
+    subroutine choose_way(model, i, state)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i                           !! step of the plan
+        type(kinematic_state), intent(inout) :: state
+        type(start_distance) :: distance, nearest
+        integer :: told, branch, turn, least_turn, best(2)
+
+        associate (step => model%step(i))
+            told = model%scene%joint(step%joint(2))%branch
+            nearest%given = huge(1.0_wp)
+            best = [merge(1, told, told == 0), 1]
+            least_turn = merge(-1, 1, is_rod_leg(step%kind))
+            do branch = 1, -1, -2
+                if (told /= 0 .and. branch /= told) cycle
+                state%branch(:, step%first) = branch
+                do turn = 1, least_turn, -2
+                    call turn_rod(model, i, turn)
+                    call run_step(model, model%step(i), state)
+                    distance = measure_distance(model, step%link(:2), step%joint(:3), state, .false.)
+                    if (.not. is_nearer(distance, 1, nearest%given(1), nearest%others(1))) cycle
+                    nearest = distance
+                    best = [branch, turn]
                 end do
-                branch = merge(-1, 1, is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1)))
-                model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
-            end if
-            state%branch(:, step%first) = branch
+            end do
+            call turn_rod(model, i, best(2))
+            model%branch(step%first) = best(1)
+            state%branch(:, step%first) = best(1)
+            if (told == 0) model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
         end associate
-    end subroutine choose_branch
+    end subroutine choose_way
+
+    !> Its kernels are others then.
+    subroutine turn_rod(model, i, turn)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i, turn
+
+        if (model%step(i)%turn == turn .or. .not. is_rod_leg(model%step(i)%kind)) return
+        model%step(i)%turn = turn
+        call describe_step(model, i)
+    end subroutine turn_rod
 end module linkdyn_spatial_start

@@ -14,7 +14,7 @@ module linkdyn_bodies
     public :: body_type, turning_type, bodies_type, field_type, in_two_axes
     public :: make_bodies, set_vector, forget_vector, vector_in
     public :: arm_of, point_position, point_velocity, point_acceleration, omega_of, alpha_of, rotation_of, acceleration_field
-    public :: acceleration_of_origin, field_times
+    public :: acceleration_of_origin, field_times, carried_velocity, carried_acceleration
 
     integer, parameter :: world_axes = 1, own_axes = 2
 
@@ -191,6 +191,26 @@ contains
         if (axes == world_axes) arm = arm_of(bodies, link, point)
         a = acceleration_of_origin(bodies, link, axes) + field_times(acceleration_field(bodies, link, axes), arm)
     end function point_acceleration
+
+    !> Velocity of the point of a link that is at a place just now.
+    function carried_velocity(bodies, link, at) result(v)
+        type(bodies_type), intent(in) :: bodies
+        integer, intent(in) :: link
+        type(vector), intent(in) :: at                     !! world axes [m]
+        type(vector) :: v
+
+        v = bodies%body(link)%velocity + (omega_of(bodies, link, world_axes) .cross.(at - bodies%body(link)%position))
+    end function carried_velocity
+
+    function carried_acceleration(bodies, link, at) result(a)
+        type(bodies_type), intent(in) :: bodies
+        integer, intent(in) :: link
+        type(vector), intent(in) :: at                     !! world axes [m]
+        type(vector) :: a
+
+        a = acceleration_of_origin(bodies, link, world_axes) &
+            + field_times(acceleration_field(bodies, link, world_axes), at - bodies%body(link)%position)
+    end function carried_acceleration
 
     function acceleration_field(bodies, link, axes) result(field)
         type(bodies_type), intent(in) :: bodies

@@ -8,19 +8,21 @@ module linkdyn_mechanism
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
     use linkdyn_joint_table, only: joint_cam, is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_ups, side_of
+    use linkdyn_model, only: model_type, step_type, step_ups, side_of, is_rod_leg, universal_of_rod
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
+    use linkdyn_record, only: constant_of
     use linkdyn_scene, only: cam_spec
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, max
-    use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
-        operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
+    use linkdyn_value, only: value, zero, is_zero, is_constant, operator(+), operator(-), operator(*), sqrt, max, reciprocal
+    use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, unit_vector, identity_rotation, operator(+), &
+        operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
     public :: told_marker_frame
     public :: payload_properties
+    public :: scene_rod
     public :: set_slide, wheel_wrench, wheel_push, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, root_of, scene_point_of_origin, scene_rotation, least_square
@@ -63,17 +65,18 @@ module linkdyn_mechanism
 contains
 
     !> Nothing has been placed but the frame.
-    subroutine begin_mechanism(model, number, q, qd, qdd, mechanism)
+    subroutine begin_mechanism(model, number, q, qd, qdd, mechanism, in_scene_axes)
         type(model_type), intent(in), target :: model
         type(value), intent(in) :: number(:)               !! as `linkdyn_numbers` lists them
         type(value), intent(in) :: q(:), qd(:), qdd(:)
         type(mechanism_type), intent(out) :: mechanism
+        logical, intent(in), optional :: in_scene_axes     !! all links are traced in the axes of the scene, as they are told; absent: false
 
         mechanism%model => model
         call place_numbers(model, mechanism%at)
         mechanism%number = number
         call make_kinds(mechanism)
-        call choose_own_axes(mechanism)
+        call choose_own_axes(mechanism, in_scene_axes)
         allocate (mechanism%is_led(size(model%led)), source=.false.)
         mechanism%q = [q, led_values(mechanism, q, .true.)]
         mechanism%qd = [qd, led_values(mechanism, qd, .false.)]
@@ -380,52 +383,115 @@ contains
     end function frame_at
 
     !> The axes in which each link is traced: the scene's, but those of a leg for a leg's links: z from U to S, y along the
-    !> second axis of the universal joint, origins in U and S.
-    subroutine choose_own_axes(mechanism)
+    !> second axis of the universal joint, origins in U and S; and likewise of a rod: z from crank or carriage on, its origin there.
+    subroutine choose_own_axes(mechanism, in_scene_axes)
         type(mechanism_type), intent(inout) :: mechanism
-        type(rotation) :: frame
-        type(vector) :: y, z
-        integer :: i, l, side(2)
+        logical, intent(in), optional :: in_scene_axes
+        integer :: i, l
 
         allocate (mechanism%own(0:mechanism%model%n_link))
         do l = 0, mechanism%model%n_link
             mechanism%own(l)%r = identity_rotation()
             mechanism%own(l)%shift = zero_vector()
         end do
+        if (present(in_scene_axes)) then
+            if (in_scene_axes) return
+        end if
         do i = 1, size(mechanism%model%step)
-            associate (step => mechanism%model%step(i), model => mechanism%model)
-                if (step%kind /= step_ups) cycle
-                associate (u => step%joint(1), slide => step%joint(2), s => step%joint(3))
-                    side = [side_of(model%joint(u), step%link(1)), side_of(model%joint(slide), step%link(1))]
-                    frame = scene_frame(mechanism, u, side(1))
-                    y = frame%z
-                    if (step%turn < 0) y = -y
-                    frame = scene_frame(mechanism, slide, side(2))
-                    call set_axes(step%link(1), y, frame, scene_point(mechanism, u, side(1)))
-                    ! the slide keeps both links parallel: y in the slide's frame is the same for the upper link
-                    y = frame.unrotate.y
-                    frame = scene_frame(mechanism, slide, 3 - side(2))
-                    call set_axes(step%link(2), frame.rotate.y, frame, &
-                                  scene_point(mechanism, s, side_of(model%joint(s), step%link(2))))
-                end associate
+            associate (step => mechanism%model%step(i))
+                if (step%kind == step_ups) call choose_axes_of_leg(mechanism, step)
+                if (is_rod_leg(step%kind)) call choose_axes_of_rod(mechanism, step)
             end associate
         end do
+    end subroutine choose_own_axes
+
+    subroutine choose_axes_of_leg(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(rotation) :: frame
+        type(vector) :: y
+        integer :: side(2)
+
+        associate (joint => mechanism%model%joint, u => step%joint(1), slide => step%joint(2), s => step%joint(3))
+            side = [side_of(joint(u), step%link(1)), side_of(joint(slide), step%link(1))]
+            frame = scene_frame(mechanism, u, side(1))
+            y = frame%z
+            if (step%turn < 0) y = -y
+            frame = scene_frame(mechanism, slide, side(2))
+            call set_axes(mechanism%own(step%link(1)), y, along(frame%z), scene_point(mechanism, u, side(1)))
+            ! the slide keeps both links parallel: y in the slide's frame is the same for the upper link
+            y = frame.unrotate.y
+            frame = scene_frame(mechanism, slide, 3 - side(2))
+            call set_axes(mechanism%own(step%link(2)), frame.rotate.y, along(frame%z), &
+                          scene_point(mechanism, s, side_of(joint(s), step%link(2))))
+        end associate
 
     contains
 
-        subroutine set_axes(link, y, slide_frame, origin)
-            integer, intent(in) :: link
-            type(vector), intent(in) :: y, origin
-            type(rotation), intent(in) :: slide_frame
-            type(vector) :: x
+        function along(slide_axis) result(z)
+            type(vector), intent(in) :: slide_axis
+            type(vector) :: z
 
-            z = slide_frame%z
-            if (mechanism%model%step(i)%branch < 0) z = -z
-            x = y.cross.z
-            mechanism%own(link)%r = rotation(vector(x%x, y%x, z%x), vector(x%y, y%y, z%y), vector(x%z, y%z, z%z))
-            mechanism%own(link)%shift = -(mechanism%own(link)%r.rotate.origin)
-        end subroutine set_axes
-    end subroutine choose_own_axes
+            z = slide_axis
+            if (step%branch < 0) z = -z
+        end function along
+    end subroutine choose_axes_of_leg
+
+    subroutine choose_axes_of_rod(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(rotation) :: frame
+        type(vector) :: y
+        integer :: u
+
+        associate (joint => mechanism%model%joint, rod => step%link(2))
+            u = universal_of_rod(mechanism%model, step)
+            frame = scene_frame(mechanism, u, side_of(joint(u), rod))
+            y = frame%z
+            if (step%turn < 0) y = -y
+            call set_axes(mechanism%own(rod), y, direction_of(scene_rod(mechanism, step)), &
+                          scene_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), rod)))
+        end associate
+    end subroutine choose_axes_of_rod
+
+    subroutine set_axes(own, y, z, origin)
+        type(own_axes_type), intent(inout) :: own
+        type(vector), intent(in) :: y, z, origin           !! axes of the scene
+        type(vector) :: x
+
+        x = y.cross.z
+        own%r = rotation(vector(x%x, y%x, z%x), vector(x%y, y%y, z%y), vector(x%z, y%z, z%z))
+        own%shift = -(own%r.rotate.origin)
+    end subroutine set_axes
+
+    !> From a rod's inner joint to its outer one, axes of the scene.
+    function scene_rod(mechanism, step) result(rod)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(vector) :: rod
+
+        associate (joint => mechanism%model%joint, inner => step%joint(2), outer => step%joint(3))
+            rod = scene_point(mechanism, outer, side_of(joint(outer), step%link(2))) &
+                  - scene_point(mechanism, inner, side_of(joint(inner), step%link(2)))
+        end associate
+    end function scene_rod
+
+    !> A vector of unit length; one along an axis is exact.
+    function direction_of(v) result(u)
+        type(vector), intent(in) :: v
+        type(vector) :: u
+        type(value) :: c(3)
+        integer :: k
+
+        c = components(v)
+        do k = 1, 3
+            if (.not. (is_constant(c(k)) .and. count(is_zero(c)) == 2) .or. is_zero(c(k))) cycle
+            u = unit_vector(k)
+            if (constant_of(c(k)) < 0) u = -u
+            return
+        end do
+        u = reciprocal(sqrt(v.dot.v))*v
+    end function direction_of
 
     !> Where a load acts, own axes.
     function load_point(mechanism, i) result(p)

@@ -119,6 +119,7 @@ contains
         end do
         call begin_mechanism(model, number, mechanism%q(:model%n_q), mechanism%qd(:model%n_q), mechanism%qdd(:model%n_q), told)
         told%bodies = mechanism%bodies
+        told%own = mechanism%own
         told%slide = mechanism%slide
         told%universal_axis = mechanism%universal_axis
         told%payload = mechanism%payload

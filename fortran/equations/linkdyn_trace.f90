@@ -72,7 +72,8 @@ contains
                 end do
             end if
             traced%acceleration = in(in_qdd)%v + traced%beyond
-            call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
+            call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism, &
+                                 in_scene_axes=request%motion_is_given)
             traced%mechanism%pull = in(in_pull)%v
             traced%mechanism%payload = in(in_payload)%v
             traced%mechanism%counted = in(in_counted)%v

@@ -1,7 +1,7 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
-    use linkdyn_model, only: model_type, friction_is_shared, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, &
-        is_led_dyad, by_branch, by_start, by_markers, by_fit
+    use linkdyn_model, only: model_type, friction_is_shared, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_rus, step_pus, &
+        step_group, is_led_dyad, by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
@@ -14,7 +14,7 @@ contains
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
 
-        has_choice = any(step%kind == [step_rrr, step_rrp, step_rpr, step_csp])
+        has_choice = step%has_branches
         if (step%kind == step_group) has_choice = model%group(step%first)%n_found /= 1
     end function has_choice
 
@@ -43,7 +43,7 @@ contains
         case (by_fit)
             text = text//"for all joints to fit"
         case default
-            if (step%kind == step_group .or. step%kind == step_csp .or. is_led_dyad(step)) then
+            if (any(step%kind == [step_group, step_csp, step_rus, step_pus]) .or. is_led_dyad(step)) then
                 text = text//"nearest to joint variables of zero"
             else
                 text = text//"since nothing says otherwise"

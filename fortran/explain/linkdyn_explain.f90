@@ -16,13 +16,14 @@ module linkdyn_explain
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_mesh_losses, only: worm_friction_angle
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rrr, &
-        step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
+        step_rrr, step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_spherical, joint_kind_name, variable_name, &
+    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_prismatic, joint_universal, &
+        joint_spherical, joint_kind_name, variable_name, &
         joint_n_variable, payload_changes, motor_spec, actuator_spec, controller_spec, n_controller, is_sampled, side_joint, &
         side_voltage, side_opening, feed_none, feed_gravity, feed_inverse, law_none
     use linkdyn_reach, only: find_reach
@@ -421,6 +422,10 @@ contains
         case (step_csp)
             text = "CSP group "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //": closed form"
+        case (step_rus, step_pus)
+            text = letters_of_leg()//" leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
+                   //" between "//name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
+                   //name_of(model, sum(model%joint(step%joint(3))%link) - step%link(2))//": closed form"
         case (step_group)
             text = "Assur group of "//to_text(size(model%group(step%first)%link))//" links:"
             do i = 1, size(model%group(step%first)%link)
@@ -430,6 +435,29 @@ contains
         case default
             text = dyad_in_words(model, step)
         end select
+
+    contains
+
+        !> "RUS", "PSS": its joints as the scene has them.
+        function letters_of_leg() result(letters)
+            character(len=3) :: letters
+            integer :: i
+
+            do i = 1, 3
+                select case (model%joint(step%joint(i))%told_kind)
+                case (joint_revolute)
+                    letters(i:i) = "R"
+                case (joint_prismatic)
+                    letters(i:i) = "P"
+                case (joint_universal)
+                    letters(i:i) = "U"
+                case (joint_spherical)
+                    letters(i:i) = "S"
+                case default
+                    letters(i:i) = "C"
+                end select
+            end do
+        end function letters_of_leg
     end function step_in_words
 
     !> The lecture's module where it has one.

@@ -6,7 +6,8 @@ module linkdyn_certainty
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of, is_rod_leg
+    use linkdyn_rod_margin, only: quality_of_rod
     use linkdyn_value, only: value, constant, operator(+), operator(-), operator(*), sqrt, abs, max, min, reciprocal
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -27,7 +28,10 @@ contains
         type(vector) :: way(2), normal, n, m, y, u, across
         type(value) :: rate(2), rate2(2), length(2), radius
 
-        if (step%kind == step_csp) then
+        if (is_rod_leg(step%kind)) then
+            q = quality_of_rod(mechanism, step)
+            return
+        else if (step%kind == step_csp) then
             call see_csp()
             way = [m, across]
             length = [radius, constant(1.0_wp)]

@@ -4,8 +4,8 @@
 !> joint's two sides apart, and so do slides inside the dyad, whose rates are given; the rates along both ways close that gap, of
 !> velocities first, then of accelerations.
 module linkdyn_dyad_motion
-    use linkdyn_bodies, only: bodies_type, world_axes, set_vector, point_position, omega_of, alpha_of, acceleration_of_origin, &
-        acceleration_field, field_times, rotation_of
+    use linkdyn_bodies, only: bodies_type, world_axes, set_vector, point_position, omega_of, alpha_of, carried_velocity, &
+        carried_acceleration, rotation_of
     use linkdyn_dyads, only: half_type, half_of, outer_point, inner_point, led_axis, left_of
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type
@@ -167,26 +167,6 @@ contains
     end function across
 
     ! ---------------------------------------------------------------- carried by a link
-
-    !> Velocity of the point of a link that is at a place just now.
-    function carried_velocity(bodies, link, at) result(v)
-        type(bodies_type), intent(in) :: bodies
-        integer, intent(in) :: link
-        type(vector), intent(in) :: at                     !! world axes [m]
-        type(vector) :: v
-
-        v = bodies%body(link)%velocity + (omega_of(bodies, link, world_axes) .cross.(at - bodies%body(link)%position))
-    end function carried_velocity
-
-    function carried_acceleration(bodies, link, at) result(a)
-        type(bodies_type), intent(in) :: bodies
-        integer, intent(in) :: link
-        type(vector), intent(in) :: at                     !! world axes [m]
-        type(vector) :: a
-
-        a = acceleration_of_origin(bodies, link, world_axes) &
-            + field_times(acceleration_field(bodies, link, world_axes), at - bodies%body(link)%position)
-    end function carried_acceleration
 
     !> Of what slides on a link.
     function coriolis(bodies, link, velocity) result(a)

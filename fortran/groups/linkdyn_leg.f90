@@ -6,7 +6,7 @@
 module linkdyn_leg
     use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, point_position, point_velocity, &
         point_acceleration, rotation_of
-    use linkdyn_kinds, only: wp
+    use linkdyn_line_turning, only: turning_of_line, turning_of_line_2
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of
     use linkdyn_system, only: system_type, unknown, require
@@ -26,7 +26,7 @@ contains
         type(system_type), intent(inout), optional :: equations    !! where accelerations stay unknown, if they do
         type(rotation) :: axes, base_frame
         type(vector) :: u_point, s_point, u, span, across, v, w, b, beta, a_u, a_s, a, alpha
-        type(value) :: length, per_length, across_length, per_across, per_both, c, m, per_m, k, rate, twice_rate
+        type(value) :: length, per_length, across_length, per_across, per_both, c, m, per_m, k, rate
         integer :: base, top, base_side, top_side
 
         associate (bodies => mechanism%bodies, model => mechanism%model, lower => step%link(1), upper => step%link(2))
@@ -70,9 +70,7 @@ contains
             v = axes.unrotate.(bodies%body(upper)%velocity - bodies%body(lower)%velocity)
             b = axes.unrotate.omega_of(bodies, base, world_axes)
             rate = v%z
-            w%x = -(per_length*v%y)
-            w%y = per_length*v%x
-            w%z = b%z + k*(w%x - b%x)
+            w = turning_of_line(per_length, k, v, b)
 
             ! acceleration
             a_s = point_acceleration(bodies, top, s_point, world_axes)
@@ -87,10 +85,7 @@ contains
             call set_vector(bodies%body(lower)%acceleration, own_axes, axes.unrotate.a_u)
             a = bodies%body(upper)%acceleration%v(own_axes) - bodies%body(lower)%acceleration%v(own_axes)
             beta = axes.unrotate.alpha_of(bodies, base, world_axes)
-            twice_rate = 2.0_wp*rate
-            alpha%x = w%z*w%y - per_length*(a%y + twice_rate*w%x)
-            alpha%y = per_length*(a%x - twice_rate*w%y) - w%z*w%x
-            alpha%z = beta%z + k*(alpha%x - beta%x) - b%y*((w%x - b%x) + k*(w%z - b%z)) + (k*w%z + w%x)*(w%y - b%y)
+            alpha = turning_of_line_2(per_length, k, rate, w, a, b, beta)
 
             associate (turning => bodies%turning(bodies%body(lower)%turning))
                 turning%r = axes

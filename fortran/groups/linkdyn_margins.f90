@@ -2,13 +2,14 @@
 !>
 !> The margin is the sine of the transmission angle, with a sign that tells the assemblies apart: of a planar dyad between
 !> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
-!> coupler's axis. Who integrates a motion judges by it whether a step may have left an assembly.
+!> coupler's axis, of a leg with a rod between this and the way of its end. Who integrates a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
     use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity, rotation_of
     use linkdyn_dyads, only: half_type, half_of, outer_point
     use linkdyn_joint_table, only: joint_prismatic
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, side_of
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, side_of
+    use linkdyn_rod_margin, only: margin_of_rod
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -35,6 +36,8 @@ contains
                     call margin_of_pair(mechanism, step, margin(k), drift(k))
                 case (step_csp)
                     call margin_of_csp(mechanism, step, margin(k), drift(k))
+                case (step_rus, step_pus)
+                    call margin_of_rod(mechanism, step, margin(k), drift(k))
                 end select
             end associate
         end do

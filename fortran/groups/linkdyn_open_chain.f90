@@ -14,7 +14,7 @@ module linkdyn_open_chain
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: take_pose, take_parts, walk_joint
+    public :: take_pose, take_parts, walk_joint, walk_shift
 
 contains
 
@@ -72,27 +72,18 @@ contains
     end subroutine take_parts
 
     !> The link behind a joint whose variables and rates are known.
-    !>
-    !> With A the joint's first link and B its second, M their markers' frames, turn and slide s those of the joint, w the
-    !> sum of the variables' axes times their rates, all in the first marker's axes:
-    !>
-    !>     R_B = R_A M_A turn M_B^T        omega_B = omega_A + M_A w        point of B's marker = point of A's + M_A s
-    !>
-    !> Either link may be the one known before. Of a position without attitude another joint between the same links gives the turn.
+    !> Of a position without attitude another joint between the same links gives the turn.
     subroutine walk_joint(mechanism, j, from_second, q, qd, quaternion, attitude)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: j                       !! joint
-        logical, intent(in) :: from_second             !! B is known, A is placed
+        logical, intent(in) :: from_second             !! its second link is known, the first is placed
         type(value), intent(in) :: q(:), qd(:)         !! its variables, whose rates the mechanism knows [m, rad]
         type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint; the rates are then about the first marker's axes
         integer, intent(in), optional :: attitude      !! that other joint, whose variables follow
         type(joint_shift) :: shift
-        type(rotation) :: frame_a, frame_b, turn
-        type(vector) :: arm_a, arm_b, w(3), s(3)       ! w: value, rate; s: value, rate, second rate; axes of A
-        integer :: a, b, axes, k, turner, n_before
+        type(vector) :: w(2), s(3)
+        integer :: k, turner, n_before
 
-        a = mechanism%model%joint(j)%link(1)
-        b = mechanism%model%joint(j)%link(2)
         turner = j
         n_before = 0
         if (present(attitude)) then
@@ -105,10 +96,6 @@ contains
                 shift%turn = rotation_by_quaternion(quaternion)
                 shift%axis = [unit_vector(1), unit_vector(2), unit_vector(3)]
             end if
-            frame_a = marker_frame(mechanism, turner, 1)
-            frame_b = marker_frame(mechanism, turner, 2)
-            arm_a = marker_point(mechanism, j, 1)
-            arm_b = marker_point(mechanism, j, 2)
             w(1) = zero_vector()
             do k = 1, kind%n_variable
                 if (.not. kind%is_slide(k)) w(1) = w(1) + qd(n_before + k)*shift%axis(k)
@@ -118,15 +105,43 @@ contains
             if (n_before > 0) s(1) = vector_of(q(:n_before))
             s(2) = rate_of_vector(mechanism, s(1))
             s(3) = rate_of_vector(mechanism, s(2))
-            mechanism%slide(j) = s(1)
-            do k = 1, 3
-                s(k) = frame_a.rotate.s(k)
-            end do
-            w(1) = frame_a.rotate.w(1)
-            w(2) = frame_a.rotate.w(2)
-            turn = rotation(frame_a.rotate.unturned(shift%turn, frame_b, 1), frame_a.rotate.unturned(shift%turn, frame_b, 2), &
-                            frame_a.rotate.unturned(shift%turn, frame_b, 3))
         end associate
+        call walk_shift(mechanism, j, from_second, shift%turn, w, s, turner)
+    end subroutine walk_joint
+
+    !> The link behind a joint of which is known how it is turned and slid.
+    !>
+    !> With A the joint's first link and B its second, M their markers' frames, turn and slide s those of the joint, w the
+    !> sum of the variables' axes times their rates, all in the first marker's axes:
+    !>
+    !>     R_B = R_A M_A turn M_B^T        omega_B = omega_A + M_A w        point of B's marker = point of A's + M_A s
+    !>
+    !> Either link may be the one known before.
+    subroutine walk_shift(mechanism, j, from_second, marker_turn, rates, slide, attitude)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: j                       !! joint
+        logical, intent(in) :: from_second             !! B is known, A is placed
+        type(rotation), intent(in) :: marker_turn      !! of the second marker, axes of the first
+        type(vector), intent(in) :: rates(2)           !! w and its rate, axes of the first marker [rad/s, rad/s2]
+        type(vector), intent(in) :: slide(3)           !! s, its rate and second rate, likewise [m, m/s, m/s2]
+        integer, intent(in), optional :: attitude      !! joint between the same links whose markers' axes are meant; absent: j
+        type(rotation) :: frame_a, frame_b, turn
+        type(vector) :: arm_a, arm_b, w(2), s(3)       ! axes of A
+        integer :: a, b, axes, turner
+
+        turner = j
+        if (present(attitude)) turner = attitude
+        a = mechanism%model%joint(j)%link(1)
+        b = mechanism%model%joint(j)%link(2)
+        frame_a = marker_frame(mechanism, turner, 1)
+        frame_b = marker_frame(mechanism, turner, 2)
+        arm_a = marker_point(mechanism, j, 1)
+        arm_b = marker_point(mechanism, j, 2)
+        mechanism%slide(j) = slide(1)
+        s = frame_a.rotate.slide
+        w = frame_a.rotate.rates
+        turn = rotation(frame_a.rotate.unturned(marker_turn, frame_b, 1), frame_a.rotate.unturned(marker_turn, frame_b, 2), &
+                        frame_a.rotate.unturned(marker_turn, frame_b, 3))
         if (from_second) then
             call place_first()
         else
@@ -237,7 +252,7 @@ contains
 
             w = rotation_of(mechanism%bodies, link) .rotate.v
         end function in_world
-    end subroutine walk_joint
+    end subroutine walk_shift
 
     !> Axis k of link B in the first marker's axes: turn M_B^T e_k.
     function unturned(turn, frame, k) result(v)

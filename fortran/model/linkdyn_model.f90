@@ -13,12 +13,13 @@ module linkdyn_model
         led_type, loose_type
     public :: motor_type, take_motors
     public :: share_type, arm_type, driven_type
-    public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, &
-        step_parts, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, &
+        step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, friction_is_shared, feels_shares
-    public :: is_dyad, is_led_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
+    public :: is_dyad, is_led_dyad, is_rod_leg, universal_of_rod, dyad_names, orientation_of, side_of, link_freedom, place_size, &
+        has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
@@ -41,8 +42,10 @@ module linkdyn_model
     integer, parameter :: step_group = 9     !! any other Assur group, closed by Newton's method
     integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
     integer, parameter :: step_parts = 11    !! a link whose pose, or that of a marker of it, is given seen from a known link, or bit by bit
-    character(len=24), parameter :: step_name(11) = [character(len=24) :: "pose", "open chain", "UPS leg", &
-        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose"]
+    integer, parameter :: step_rus = 12      !! as CSP a crank and the rod behind it, see `linkdyn_rod_leg`
+    integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
+    character(len=24), parameter :: step_name(13) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", "RUS leg", "PUS leg"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -167,14 +170,14 @@ module linkdyn_model
         integer :: joint(5) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
                                               !! whose variables are given; links beyond the second are at their far ends
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
-        integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, CSP groups, groups)
+        integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, other closed forms, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
         logical :: has_branches = .false.     !! there are two ways to close at one place: see the model's `branch`
         logical :: has_margin = .false.       !! `branch` tells its assemblies apart, of which a motion may come to the end: see
                                               !! `linkdyn_margins`
         integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
-        integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1
+        integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1; of a rod, too
         integer :: number = 0                 !! in the plan
     end type step_type
 
@@ -246,7 +249,7 @@ module linkdyn_model
         integer :: n_attitude = 0             !! links turned by three angles: of a pose, or of a spherical joint
         integer :: n_leg = 0
         integer :: n_dyad = 0
-        integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space the CSP groups
+        integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space CSP groups and legs with rods
         real(wp), allocatable :: least_margin(:)    !! of each map: below it is not told from zero (n_branch + groups)
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
@@ -379,6 +382,21 @@ contains
 
         is_led_dyad = is_dyad(step%kind) .and. step%n_link > 2
     end function is_led_dyad
+
+    !> Is it a crank or carriage with a rod behind it?
+    pure logical function is_rod_leg(kind)
+        integer, intent(in) :: kind
+
+        is_rod_leg = kind == step_rus .or. kind == step_pus
+    end function is_rod_leg
+
+    !> Its universal joint, on either side of the rod.
+    pure integer function universal_of_rod(model, step) result(joint)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+
+        joint = merge(step%joint(2), step%joint(3), model%joint(step%joint(2))%kind == joint_universal)
+    end function universal_of_rod
 
     !> Freedoms of a link on its own.
     pure integer function link_freedom(model)

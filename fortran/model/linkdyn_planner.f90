@@ -6,14 +6,16 @@
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
+    use linkdyn_cross, only: cross
     use linkdyn_gearing, only: lead_by_loose, forget_loose
     use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, variable_name, pose_position
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, side_of, link_freedom, place_size
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, side_of, link_freedom, place_size, universal_of_rod
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
+    use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -234,6 +236,7 @@ contains
             if (.not. model%is_planar .and. size(member) == 2) then
                 call close_ups_leg(model, member, plan)
                 if (plan%n_step == n_before) call close_csp_group(model, member, plan)
+                if (plan%n_step == n_before) call close_rod_leg(model, member, plan)
             end if
         end subroutine place_directly
     end subroutine place_group
@@ -540,6 +543,35 @@ contains
         call add_step(plan, step)
     end subroutine close_csp_group
 
+    !> A crank or carriage and the rod behind it, between known links. The rod turns in axes that nobody else has.
+    subroutine close_rod_leg(model, member, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(2)
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
+        logical :: found
+
+        step = step_type(n_link=2)
+        step%link(:2) = member
+        step%joint(:3) = joints_of_pair(model, member, plan)
+        if (any(step%joint(:3) == 0)) return
+        if (any(plan%given(:, step%joint(:3)) > 0)) return
+        call name_rod_leg(model, step, found)
+        if (.not. found) return
+        model%n_branch = model%n_branch + 1
+        step%first = model%n_branch
+        step%has_branches = .true.
+        step%has_margin = .true.
+        step%turn = 1
+        if (allocated(plan%stand)) step%turn = turn_as_it_stands(model, plan%stand, universal_of_rod(model, step), step%link(2), &
+            point_as_it_stands(model, plan%stand, step%joint(3), step%link(2)) &
+            - point_as_it_stands(model, plan%stand, step%joint(2), step%link(2)))
+        call add_step(plan, step)
+        if (count(model%link%orientation == model%link(step%link(2))%orientation) == 1) return
+        model%n_orientation = model%n_orientation + 1
+        model%link(step%link(2))%orientation = model%n_orientation
+    end subroutine close_rod_leg
+
     !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_leg`; or,
     !> where legs need only be straight, in any axes and in this order from whichever end.
     subroutine close_ups_leg(model, member, plan)
@@ -638,34 +670,44 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
         type(step_type), intent(inout) :: step
-        real(wp) :: span(3), first(3), second(3), slide(3)
-        integer :: u, s, p
+        real(wp) :: span(3), slide(3)
 
-        associate (universal => model%joint(step%joint(1)), prismatic => model%joint(step%joint(2)), &
-                   ball => model%joint(step%joint(3)), lower => step%link(1), upper => step%link(2))
-            u = side_of(universal, lower)
-            p = side_of(prismatic, lower)
-            s = side_of(ball, upper)
-            span = point_at(upper, ball%point(:, s)) - point_at(lower, universal%point(:, u))
-            first = matmul(stand(:, :3, universal%link(3 - u)), universal%frame(:, 3, 3 - u))
-            second = matmul(stand(:, :3, lower), universal%frame(:, 3, u))
-            slide = matmul(stand(:, :3, lower), prismatic%frame(:, 3, p))
+        associate (prismatic => model%joint(step%joint(2)), lower => step%link(1), upper => step%link(2))
+            span = point_as_it_stands(model, stand, step%joint(3), upper) - point_as_it_stands(model, stand, step%joint(1), lower)
+            slide = matmul(stand(:, :3, lower), prismatic%frame(:, 3, side_of(prismatic, lower)))
             step%branch = merge(1, -1, dot_product(span, slide) > 0)
-            step%turn = merge(1, -1, dot_product(second, [span(2)*first(3) - span(3)*first(2), &
-                                                          span(3)*first(1) - span(1)*first(3), &
-                                                          span(1)*first(2) - span(2)*first(1)]) > 0)
+            step%turn = turn_as_it_stands(model, stand, step%joint(1), lower, span)
         end associate
-
-    contains
-
-        pure function point_at(link, own) result(point)
-            integer, intent(in) :: link
-            real(wp), intent(in) :: own(3)
-            real(wp) :: point(3)
-
-            point = stand(:, 4, link) + matmul(stand(:, :3, link), own)
-        end function point_at
     end subroutine note_ways
+
+    !> +1 where the second axis of a universal joint, which its link has, points as span x first axis does, or -1.
+    pure integer function turn_as_it_stands(model, stand, universal, link, span) result(turn)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
+        integer, intent(in) :: universal, link
+        real(wp), intent(in) :: span(3)
+        real(wp) :: axis(3, 2)
+        integer :: side
+
+        associate (joint => model%joint(universal))
+            side = side_of(joint, link)
+            axis(:, 1) = matmul(stand(:, :3, joint%link(3 - side)), joint%frame(:, 3, 3 - side))
+            axis(:, 2) = matmul(stand(:, :3, link), joint%frame(:, 3, side))
+            turn = merge(1, -1, dot_product(axis(:, 2), cross(span, axis(:, 1))) > 0)
+        end associate
+    end function turn_as_it_stands
+
+    !> A joint's point on one of its links.
+    pure function point_as_it_stands(model, stand, j, link) result(point)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
+        integer, intent(in) :: j, link
+        real(wp) :: point(3)
+
+        associate (joint => model%joint(j))
+            point = stand(:, 4, link) + matmul(stand(:, :3, link), joint%point(:, side_of(joint, link)))
+        end associate
+    end function point_as_it_stands
 
     ! ---------------------------------------------------------------- refusals
 

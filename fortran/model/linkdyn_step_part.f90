@@ -14,7 +14,7 @@ module linkdyn_step_part
     use linkdyn_text, only: listed
     implicit none (type, external)
     private
-    public :: step_part, take_step, describe_steps, letters_of, bits_of, curve_text
+    public :: step_part, take_step, describe_steps, describe_step, letters_of, bits_of, curve_text
 
     type :: step_part
         type(model_type) :: model                      !! of the part
@@ -33,26 +33,34 @@ contains
     !> What of each step its kernels take: to be said anew when numbers of the model change.
     subroutine describe_steps(model)
         type(model_type), intent(inout) :: model
-        type(step_part) :: part
         integer :: i
 
         if (allocated(model%part)) deallocate (model%part)
         allocate (model%part(size(model%step)))
         do i = 1, size(model%step)
-            call take_step(model, i, part)
-            model%step(i)%number = i
-            if (model%step(i)%kind == step_group) model%group(model%step(i)%first)%step = i
-            associate (of => model%part(i))
-                of%key = part%key
-                of%link = part%link(:part%n_own)
-                of%around = part%link
-                of%turns = own_turns(model, part)
-                of%joint = part%joint
-                of%given = part%given
-                of%number = part%number
-            end associate
+            call describe_step(model, i)
         end do
     end subroutine describe_steps
+
+    !> Of one that has changed.
+    subroutine describe_step(model, i)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i                       !! step of the plan
+        type(step_part) :: part
+
+        call take_step(model, i, part)
+        model%step(i)%number = i
+        if (model%step(i)%kind == step_group) model%group(model%step(i)%first)%step = i
+        associate (of => model%part(i))
+            of%key = part%key
+            of%link = part%link(:part%n_own)
+            of%around = part%link
+            of%turns = own_turns(model, part)
+            of%joint = part%joint
+            of%given = part%given
+            of%number = part%number
+        end associate
+    end subroutine describe_step
 
     !> Links of the part whose orientation is their own: no other's that comes before them, or is known.
     pure function own_turns(model, part) result(turns)

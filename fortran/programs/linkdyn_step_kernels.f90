@@ -235,11 +235,12 @@ contains
 
     !> Inputs, and a mechanism of which the links around the step are placed and move. Numbers of the motion: places of all links, then
     !> velocities, then accelerations.
-    subroutine begin_step(part, by_quaternion, in, mechanism)
+    subroutine begin_step(part, by_quaternion, in, mechanism, is_placed)
         type(step_part), intent(in), target :: part
         logical, intent(in) :: by_quaternion
         type(input_blocks), intent(inout) :: in
         type(mechanism_type), intent(inout) :: mechanism
+        logical, intent(in), optional :: is_placed     !! the step's own links will be told, too; absent: false
         type(sample_set) :: none
         integer :: i, n
 
@@ -252,7 +253,7 @@ contains
             call add_block(in_quaternion, spread(by_quaternion, 1, 4*model%n_attitude), none, in)
             call add_block(in_branch, spread(.true., 1, model%n_branch), none, in)
             call add_block(in_motion, spread(.true., 1, n), none, in)
-            call begin_mechanism(model, in%of(in_number)%v, in%of(in_q)%v, in%of(in_qd)%v, in%of(in_qdd)%v, mechanism)
+            call begin_mechanism(model, in%of(in_number)%v, in%of(in_q)%v, in%of(in_qd)%v, in%of(in_qdd)%v, mechanism, is_placed)
             if (by_quaternion) mechanism%quaternion = reshape(in%of(in_quaternion)%v, [4, model%n_attitude])
             mechanism%keeps_at_limits = .true.
             do i = part%n_own + 1, model%n_link
@@ -270,7 +271,7 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         integer :: i
 
-        call begin_step(part, .false., in, mechanism)
+        call begin_step(part, .false., in, mechanism, is_placed=.true.)
         do i = 1, part%n_own
             call put_link(part%model, i, in%of(in_motion)%v, mechanism)
         end do
