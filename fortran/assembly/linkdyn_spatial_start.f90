@@ -89,7 +89,8 @@ contains
             call turn_rod(model, i, best(2))
             model%branch(step%first) = best(1)
             state%branch(:, step%first) = best(1)
-            if (told == 0) model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
+            if (told == 0) model%chosen_by(step%first) = &
+                merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
         end associate
     end subroutine choose_way
 

@@ -8,7 +8,8 @@ module linkdyn_placing
     use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
-    use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, step_group, is_dyad
+    use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
+        step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
     use linkdyn_rod_leg, only: close_rod_leg
     use linkdyn_system, only: system_type

@@ -45,7 +45,8 @@ module linkdyn_model
     integer, parameter :: step_rus = 12      !! as CSP a crank and the rod behind it, see `linkdyn_rod_leg`
     integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
     character(len=24), parameter :: step_name(13) = [character(len=24) :: "pose", "open chain", "UPS leg", &
-        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", "RUS leg", "PUS leg"]
+        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", &
+        "RUS leg", "PUS leg"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
