@@ -1,7 +1,7 @@
 !> Idle spins: links that may turn about the line through their joints while nothing else of the mechanism moves.
 !>
 !> A rod between two ball joints, both halves of a leg between balls, a piston rod in a cylindrical joint whose ball lies on its
-!> axis, a shoe with a ball that slides on a plane. If the links that spin together are bodies of revolution about that line, and
+!> axis, a shoe with a ball that slides on a plane, any of these in parts that are welded together. If the links that spin together are bodies of revolution about that line, and
 !> nothing acts on them off it, no moment is ever about it: what does not spin at the start never does, and neither forces nor the
 !> motion of anything else depend on it.
 !>
@@ -17,9 +17,9 @@ module linkdyn_idle_spin
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, n_stop, n_clutch, &
-        measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, measure_twist, &
-        measure_turn, marker_axis_at
+        joint_universal, joint_spherical, joint_fixed, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, &
+        n_stop, n_clutch, measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, &
+        measure_twist, measure_turn, marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -39,6 +39,13 @@ module linkdyn_idle_spin
         real(wp) :: point(3) = 0               !! link axes [m]
         real(wp) :: axis(3) = 0                !! unit vector, link axes
     end type line_type
+
+    !> A joint of a body, in the axes of one of its links.
+    type :: body_joint
+        integer :: kind = 0
+        real(wp) :: point(3) = 0               !! [m]
+        real(wp) :: axis(3) = 0
+    end type body_joint
 
     !> How far from exact what is written in a scene may be, as a part of the link's size, of its largest moment of inertia: coordinates
     !> of points worked out from angles have a dozen digits or so.
@@ -76,50 +83,91 @@ contains
         end do
     end subroutine find_idle_spins
 
-    !> The line on which all joints of a link lie: balls with their centres, others with their axes. Of a planar joint it is square
-    !> to the plane.
+    !> The line on which all joints lie of a link and what is welded to it: balls with their centres, others with their axes. Of a
+    !> planar joint it is square to the plane.
     pure function line_of(model, link) result(line)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link
         type(line_type) :: line
-        real(wp) :: size_of_link, span(3)
-        integer :: i, n, side, ball
+        type(body_joint), allocatable :: joint(:)
+        real(wp) :: size_of_body, span(3)
+        integer :: i, ball
 
-        n = model%first_at(link + 1) - model%first_at(link)
-        if (n < 2) return
+        joint = joints_of_body(model, link)
+        if (size(joint) < 2) return
         ball = 0
-        size_of_link = 0
-        do i = model%first_at(link), model%first_at(link + 1) - 1
-            associate (joint => model%joint(model%joint_at(i)))
-                side = side_of(joint, link)
-                size_of_link = max(size_of_link, maxval(abs(joint%point(:, side))))
-                if (joint%kind == joint_spherical) then
-                    if (ball == 0) then
-                        line%point = joint%point(:, side)
-                    else
-                        span = joint%point(:, side) - line%point
-                        if (norm2(span) > exact*size_of_link) line%axis = span/norm2(span)
-                    end if
-                    ball = ball + 1
-                else if (any(joint%kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_planar])) then
-                    line%axis = joint%frame(:, 3, side)
+        size_of_body = 0
+        do i = 1, size(joint)
+            size_of_body = max(size_of_body, maxval(abs(joint(i)%point)))
+            if (joint(i)%kind == joint_spherical) then
+                if (ball == 0) then
+                    line%point = joint(i)%point
                 else
-                    return
+                    span = joint(i)%point - line%point
+                    if (norm2(span) > exact*size_of_body) line%axis = span/norm2(span)
                 end if
-            end associate
+                ball = ball + 1
+            else if (any(joint(i)%kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_planar])) then
+                line%axis = joint(i)%axis
+            else
+                return
+            end if
         end do
         if (ball == 0 .or. all(line%axis == 0)) return
-        do i = model%first_at(link), model%first_at(link + 1) - 1
-            associate (joint => model%joint(model%joint_at(i)))
-                side = side_of(joint, link)
-                ! a plane holds a link wherever its marker is
-                if (joint%kind /= joint_planar .and. distance_from(line, joint%point(:, side)) > exact*size_of_link) return
-                if (joint%kind == joint_spherical) cycle
-                if (norm2(cross(line%axis, joint%frame(:, 3, side))) > exact) return
-            end associate
+        do i = 1, size(joint)
+            ! a plane holds a link wherever its marker is
+            if (joint(i)%kind /= joint_planar .and. distance_from(line, joint(i)%point) > exact*size_of_body) return
+            if (joint(i)%kind == joint_spherical) cycle
+            if (norm2(cross(line%axis, joint(i)%axis)) > exact) return
         end do
         line%is_there = .true.
     end function line_of
+
+    !> The joints of a link and of all that is welded to it but the welds themselves; none, if that is the frame.
+    pure function joints_of_body(model, link) result(found)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link                    !! in whose axes they are told
+        type(body_joint), allocatable :: found(:)
+        integer, allocatable :: member(:)
+        real(wp) :: rotation(3, 3, model%n_link), position(3, model%n_link)    !! of members, seen from the link
+        integer :: i, k, side, other
+
+        allocate (found(0))
+        member = [link]
+        position(:, 1) = 0
+        rotation(:, :, 1) = 0
+        do k = 1, 3
+            rotation(k, k, 1) = 1
+        end do
+        i = 0
+        do while (i < size(member))
+            i = i + 1
+            do k = model%first_at(member(i)), model%first_at(member(i) + 1) - 1
+                associate (joint => model%joint(model%joint_at(k)))
+                    side = side_of(joint, member(i))
+                    if (joint%kind /= joint_fixed) then
+                        found = [found, body_joint(joint%kind, position(:, i) + matmul(rotation(:, :, i), joint%point(:, side)), &
+                                                   matmul(rotation(:, :, i), joint%frame(:, 3, side)))]
+                        cycle
+                    end if
+                    other = joint%link(3 - side)
+                    if (other == frame_link) then
+                        deallocate (found)
+                        allocate (found(0))
+                        return
+                    end if
+                    if (any(member == other)) cycle
+                    member = [member, other]
+                    associate (n => size(member))
+                        rotation(:, :, n) = matmul(rotation(:, :, i), matmul(joint%frame(:, :, side), &
+                                                                             transpose(joint%frame(:, :, 3 - side))))
+                        position(:, n) = position(:, i) + matmul(rotation(:, :, i), joint%point(:, side)) &
+                                         - matmul(rotation(:, :, n), joint%point(:, 3 - side))
+                    end associate
+                end associate
+            end do
+        end do
+    end function joints_of_body
 
     pure real(wp) function distance_from(line, point)
         type(line_type), intent(in) :: line
@@ -128,7 +176,7 @@ contains
         distance_from = norm2(cross(line%axis, point - line%point))
     end function distance_from
 
-    !> A link and all that slides hold to it: a slide hands a spin on.
+    !> A link and all that slides and welds hold to it: they hand a spin on.
     pure subroutine collect_links(model, first, link)
         type(model_type), intent(in) :: model
         integer, intent(in) :: first
@@ -143,7 +191,7 @@ contains
             do k = model%first_at(link(i)), model%first_at(link(i) + 1) - 1
                 associate (joint => model%joint(model%joint_at(k)))
                     other = joint%link(3 - side_of(joint, link(i)))
-                    if (joint%kind == joint_prismatic .and. all(link /= other)) link = [link, other]
+                    if (any(joint%kind == [joint_prismatic, joint_fixed]) .and. all(link /= other)) link = [link, other]
                 end associate
             end do
         end do

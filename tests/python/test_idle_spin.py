@@ -237,6 +237,50 @@ def test_a_spin_that_matters_is_refused(rod: dict[str, Any], load: dict[str, Any
     assert "\n" not in message
 
 
+def welded(parts: int = 2, **tip: Any) -> dict[str, Any]:
+    """The rod in parts that are welded together, each with axes of its own. ``tip``: keys of the last that are to be otherwise."""
+    scene = rssr()
+    b, c = float(ROD) / 3, 2 * float(ROD) / 3
+    first = {"name": "rod", "mass": 1.2, "cog": [0.1, 0.0, 0.0], "inertia": {"diagonal": [0.01, 0.02, 0.02]},
+             "markers": {"B": [0.0, 0.0, 0.0], "W": {"at": [b, 0.0, 0.0], "axis": [1.0, 0.0, 0.0]}}}
+    last = {"name": "tip", "mass": 0.8, "cog": [0.0, 0.0, 0.2], "inertia": {"diagonal": [0.03, 0.03, 0.002]},
+            "markers": {"W": {"at": [0.0, 0.0, -0.1], "axis": [0.0, 0.0, 1.0]}, "C": [0.0, 0.0, c - 0.1]}, **tip}
+    middle = {"name": "sleeve", "mass": 0.0, "markers": {"W": {"at": [0.0, 0.3, 0.0], "axis": [0.0, 1.0, 0.0]}, "V": {"at": [0.0, 0.3, 0.0], "axis": [0.0, 1.0, 0.0]}}}
+    weld = {"name": "W", "type": "fixed", "between": ["rod.W", "tip.W"]}
+    scene["link"][1:2] = [first, last] if parts == 2 else [first, middle, last]
+    scene["joint"][2]["between"][0] = "tip.C"
+    scene["joint"].append(weld if parts == 2 else weld | {"between": ["sleeve.W", "rod.W"]})
+    if parts == 3:
+        scene["joint"].append({"name": "V", "type": "fixed", "between": ["tip.W", "sleeve.V"]})
+    return scene
+
+
+@pytest.mark.parametrize("parts", [2, 3])
+def test_a_rod_of_welded_parts(parts: int) -> None:
+    """It spins as one, and is told so; forces are those of the same rod in one piece."""
+    at = np.array([0.1, float(ROD) / 3 + 0.3])           # centres of mass, on the line
+    mass = np.array([1.2, 0.8])
+    cog = mass @ at / mass.sum()
+    across = 0.02 + 0.03 + mass @ (at - cog) ** 2
+    whole = linkdyn.Scene(rssr(mass=2.0, cog=[cog, 0.0, 0.0], inertia={"diagonal": [0.012, across, across]})).inverse()
+    scene = linkdyn.Scene(welded(parts))
+    run = scene.inverse()
+    assert (run.status == 0).all() and set(run.attrs["idle_spins"].split("+")) == ({"rod", "tip"} if parts == 2 else {"rod", "sleeve", "tip"})
+    assert "Idle spins" in scene.explain()
+    scale = np.abs(whole.driving_force).max().item()
+    np.testing.assert_allclose(run.driving_force.values, whole.driving_force.values, rtol=0, atol=1e-11 * scale)
+    np.testing.assert_allclose(run.reaction.sel(joint=["B", "C"]).values, whole.reaction.sel(joint=["B", "C"]).values, rtol=0,
+                               atol=1e-11 * np.abs(whole.reaction).max().item())
+    assert np.abs(run.power_imbalance).max() < 1e-12
+
+
+def test_welded_parts_that_feel_their_spin() -> None:
+    with pytest.raises(linkdyn.SceneError) as refused:
+        linkdyn.Scene(welded(cog=[0.0, 0.003, 0.2]))
+    assert "links 'rod', 'tip' may spin about the line of their joints 'B' and 'C', and forces depend on how it does" in str(refused.value)
+    assert "the centre of mass of 'tip' is 0.003 m off it" in str(refused.value)
+
+
 def test_loads_on_the_line_do_not_matter() -> None:
     """A load on the rod's line is a load as any other: power balances, virtual work agrees."""
     scene = rssr(markers={"B": [0.0] * 3, "C": [0.9, 0.0, 0.0], "E": [0.5, 0.0, 0.0]})
