@@ -6,7 +6,7 @@
 module linkdyn_joint_table
     implicit none (type, external)
     private
-    public :: joint_groove, joint_plate, joint_loose, joint_key, is_partial
+    public :: joint_groove, joint_plate, joint_loose, joint_key, joint_thread, is_partial
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
         joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
@@ -37,7 +37,8 @@ module linkdyn_joint_table
     integer, parameter :: joint_plate = 16       !! a point in a plane, in the plane on a line
     integer, parameter :: joint_loose = 17       !! nothing
     integer, parameter :: joint_key = 18         !! no turning about one axis; z axes of both markers lie across it, square to each other
-    integer, parameter :: n_kind = 18
+    integer, parameter :: joint_thread = 19      !! of a screw, whose axes others hold
+    integer, parameter :: n_kind = 19
 
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
@@ -50,8 +51,8 @@ module linkdyn_joint_table
     integer, parameter :: variable_len = 7
     character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
         "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt", &
-        "cam", "position", "attitude", "groove", "plate", "nothing", "key"]
-    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 0, 3, 3, 0, 0, 0, 0]
+        "cam", "position", "attitude", "groove", "plate", "nothing", "key", "thread"]
+    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 0, 3, 3, 0, 0, 0, 0, 0]
     character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
@@ -70,6 +71,7 @@ module linkdyn_joint_table
         "", "", "", &
         "", "", "", &
         "", "", "", &
+        "", "", "", &
         "", "", ""], [3, n_kind])
     logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
@@ -81,17 +83,17 @@ module linkdyn_joint_table
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_kind) = &
         reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, &
-                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
+                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
     integer, parameter :: force_directions(n_kind) = &
         [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
          along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_x_and_y, along_z, &
-         along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing]
     integer, parameter :: moment_directions(n_kind) = &
         [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
          along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, &
-         along_nothing, along_normal]
+         along_nothing, along_normal, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
-    logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
+    logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw" .or. joint_kind_name == "thread"
     !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
     !> with a moment on each of both links.
     logical, parameter :: is_geared(n_kind) = &

@@ -6,13 +6,13 @@ module linkdyn_joint_kinds
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, pose_position, &
-        joint_groove, joint_plate, joint_loose, joint_key
+        joint_groove, joint_plate, joint_loose, joint_key, joint_thread
     use linkdyn_pose_parts, only: position_part, attitude_part
     use linkdyn_partial_joints, only: groove, plate, key, loose
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
-    use linkdyn_screw, only: screw
+    use linkdyn_screw, only: screw, thread
     use linkdyn_spherical, only: spherical
     use linkdyn_universal, only: universal
     use linkdyn_wheels, only: wheels
@@ -56,6 +56,8 @@ contains
             allocate (groove :: box%is)
         case (joint_plate)
             allocate (plate :: box%is)
+        case (joint_thread)
+            allocate (thread :: box%is)
         case (joint_key)
             allocate (key :: box%is)
         case (joint_loose)

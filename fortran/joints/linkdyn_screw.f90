@@ -1,4 +1,5 @@
-!> The screw: the second marker turns about z of the first and shifts along it in proportion.
+!> The screw: the second marker turns about z of the first and shifts along it in proportion. And its thread alone, which is left
+!> where others hold the axes.
 module linkdyn_screw
     use linkdyn_attitude, only: rotation_about_z
     use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
@@ -6,7 +7,7 @@ module linkdyn_screw
     use linkdyn_vector, only: unit_vector, operator(+), operator(*), operator(-), operator(.dot.)
     implicit none (type, external)
     private
-    public :: screw
+    public :: screw, thread
 
     type, extends(joint_kind) :: screw
     contains
@@ -15,6 +16,11 @@ module linkdyn_screw
         procedure :: variables
         procedure :: variable_constraint
     end type screw
+
+    type, extends(screw) :: thread
+    contains
+        procedure :: constraints => threaded
+    end type thread
 
 contains
 
@@ -32,6 +38,16 @@ contains
                  self%pitch*atan2(b%x .dot.(sin(turned)*a%x - cos(turned)*a%y), b%x .dot.(cos(turned)*a%x + sin(turned)*a%y))]
         end associate
     end function constraints
+
+    !> The screw's last.
+    function threaded(self, pair) result(c)
+        class(thread), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(value), allocatable :: c(:)
+
+        c = self%screw%constraints(pair)
+        c = c(size(c):)
+    end function threaded
 
     function shift(self, q) result(s)
         class(screw), intent(in) :: self

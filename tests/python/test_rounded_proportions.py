@@ -107,6 +107,48 @@ def test_a_lead_screw(lead: str) -> None:
     assert np.abs(run.power_imbalance.values).max() < 1e-12
 
 
+FINE, COARSE = 0.005, 0.0042    # leads of a differential screw [m]
+
+
+def differential_screw(lead: str) -> Scene:
+    """A spindle of two threads, in a nut that stands and in one that a guide leads."""
+    marker = {"at": [0.0, 0.0, 0.0], "axis": [1.0, 0.0, 0.0]}
+    way = 0.02 if lead == "G" else 0.02 * 2 * np.pi / (FINE - COARSE)
+    return {
+        "space": "spatial", "gravity": GRAVITY, "frame": {"markers": {"S": marker, "G": marker | {"at": [0.0, 0.1, 0.0]}}},
+        "link": [{"name": "spindle", "mass": 2.0, "inertia": [1e-3, 2e-2, 2e-2, 0.0, 0.0, 0.0], "markers": {"S": marker, "T": marker}},
+                 {"name": "nut", "mass": 30.0, "cog": [0.01, 0.0, 0.0], "inertia": [0.1, 0.1, 0.1, 0.0, 0.0, 0.0],
+                  "markers": {"T": marker, "G": marker | {"at": [0.0, 0.1, 0.0]}}}],
+        "joint": [{"name": "S", "type": "screw", "between": ["frame.S", "spindle.S"], "lead": FINE},
+                  {"name": "T", "type": "screw", "between": ["spindle.T", "nut.T"], "lead": COARSE},
+                  {"name": "G", "type": "prismatic", "between": ["frame.G", "nut.G"]}],
+        "coordinate": [{"joint": lead, "motion": {"law": "harmonic", "amplitude": way, "frequency": "1 Hz"}}],
+        "actuator": [{"joint": "S"}],
+        "load": [{"on": "nut.T", "force": [-400.0, 0.0, 0.0]}],
+        "time": {"end": 1.0, "samples": 21},
+    }
+
+
+@pytest.mark.parametrize("lead", ["S", "T", "G"])
+def test_a_differential_screw(lead: str) -> None:
+    """Whichever joint leads, the guide, too: the nut goes on by the difference of the leads, the spindle by its own."""
+    scene = linkdyn.Scene(differential_screw(lead))
+    run = scene.inverse(want="all")
+    assert (run.status == 0).all()
+    x = run.joint_variable.sel(variable="G.slide").values
+    angle = run.joint_variable.sel(variable="S.angle").values
+    np.testing.assert_allclose(x, (FINE - COARSE) / (2 * np.pi) * angle, rtol=0, atol=1e-12)
+    acceleration = -(2 * np.pi) ** 2 * angle
+    nut, spindle = (FINE - COARSE) / (2 * np.pi), FINE / (2 * np.pi)
+    wanted = (30.0 * nut * acceleration + 400.0) * nut + 2.0 * spindle**2 * acceleration + 1e-3 * acceleration
+    np.testing.assert_allclose(run.driving_force.values[:, 0], wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+    assert np.abs(run.power_imbalance.values).max() < 1e-12
+    thrust = run.reaction.sel(joint="T", component="Fx").values
+    np.testing.assert_allclose(thrust, 30.0 * nut * acceleration + 400.0, rtol=0, atol=1e-9 * np.abs(thrust).max())
+    lanes = scene.inverse(want="all", solver="lapack")
+    np.testing.assert_allclose(lanes.reaction.values, run.reaction.values, rtol=0, atol=1e-9 * np.abs(run.reaction.values).max())
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.2])
 @pytest.mark.parametrize("space", ["planar", "spatial"])
 def test_a_slide_led_by_the_place_of_its_link(space: str, offset: float) -> None:
