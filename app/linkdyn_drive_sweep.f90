@@ -71,7 +71,7 @@ contains
         end if
         seconds = seconds_since(start)
         if (is_first) then
-            if (status%is_ok()) call write_sweep(rounds%output, run_attributes(config, run%scene, ""), run, rounds%spool, status)
+            if (status%is_ok()) call write_sweep(rounds%output, run_attributes(config, run%scene), run, rounds%spool, status)
             if (status%is_ok() .and. .not. config%quiet) call print_sweep(run, config%solver, config%options%threads, &
                 group%n, seconds, rounds%output, unit)
             ! what was interrupted is kept as it was last: the next run says what is wrong with it

@@ -11,6 +11,7 @@ module linkdyn_run_output
     use linkdyn_roads, only: road_counts
     use linkdyn_code, only: code_in_use
     use linkdyn_scene, only: scene_type, idle_spins, share_name
+    use linkdyn_shared_words, only: shared_components, shared_directions
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type
     use linkdyn_text, only: to_text
@@ -66,15 +67,15 @@ contains
             call create_csv(output%name, layout, output%csv, status)
             return
         end if
-        call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene, shared_reactions(model)), &
+        call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene, model), &
             config%deflate, output%netcdf, status, may_end_early)
     end subroutine open_results
 
     !> What a file says of the run.
-    function run_attributes(config, scene, shared) result(attributes)
+    function run_attributes(config, scene, model) result(attributes)
         type(command_line), intent(in) :: config
         type(scene_type), intent(in) :: scene
-        character(len=*), intent(in) :: shared       !! reactions that the equations leave open
+        type(model_type), intent(in), optional :: model    !! absent: there are several, and nothing is said of their reactions
         type(attributes_type) :: attributes
 
         attributes%title = trim(scene%title)
@@ -83,7 +84,12 @@ contains
         attributes%scene = ""
         if (allocated(scene%text)) attributes%scene = scene%text
         attributes%idle_spins = idle_spins(scene)
-        attributes%shared_reactions = shared
+        attributes%shared_reactions = ""
+        if (present(model)) then
+            attributes%shared_reactions = shared_reactions(model)
+            attributes%shared_components = shared_components(model)
+            attributes%shared_directions = shared_directions(model)
+        end if
         attributes%redundancy = trim(share_name(scene%redundancy))
         attributes%history = timestamp()//" "//command_text()
         attributes%gravity = scene%gravity

@@ -3,7 +3,7 @@
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
-    use linkdyn_choice, only: shares_in_words, choices_in_words, sharing_in_words
+    use linkdyn_choice, only: choices_in_words, sharing_in_words
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, drives_share
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
@@ -15,6 +15,7 @@ module linkdyn_summary
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, measure_joint
+    use linkdyn_shared_words, only: shares_in_words
     use linkdyn_status, only: sample_ok, sample_singular, sample_status_name, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means, mean_of

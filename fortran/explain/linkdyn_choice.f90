@@ -1,11 +1,11 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
-    use linkdyn_model, only: model_type, friction_is_shared, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_rus, &
-        step_pus, step_group, is_led_dyad, by_branch, by_start, by_markers, by_fit
+    use linkdyn_model, only: model_type, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_rus, step_pus, step_group, &
+        is_led_dyad, by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
-    public :: has_choice, choice_in_words, choices_in_words, shares_in_words, sharing_in_words
+    public :: has_choice, choice_in_words, choices_in_words, sharing_in_words
 
 contains
 
@@ -85,25 +85,4 @@ contains
         text = to_text(model%n_actuator)//" drives share the work of "//to_text(model%n_q) &
                //trim(merge(" coordinate ", " coordinates", model%n_q == 1))//": taken is the least sum of squares"
     end function sharing_in_words
-
-    !> Reactions that the equations leave open, in words; the first joints by name.
-    function shares_in_words(model) result(text)
-        type(model_type), intent(in) :: model
-        character(len=:), allocatable :: text
-        integer, parameter :: most_named = 6
-        integer :: n, j
-
-        associate (share => model%share)
-            n = size(share%joint)
-            text = trim(merge("moments           ", "forces            ", .not. any(share%of_force)))
-            if (any(share%of_force) .and. any(share%of_moment)) text = "forces and moments"
-            text = text//" of "//trim(merge("joint ", "joints", n == 1))
-            do j = 1, min(n, most_named)
-                if (j > 1) text = text//","
-                text = text//" "//trim(model%joint(share%joint(j))%name)
-            end do
-            if (n > most_named) text = text//" and "//to_text(n - most_named)//" more"
-        end associate
-        if (friction_is_shared(model)) text = text//", and what friction there makes of all others"
-    end function shares_in_words
 end module linkdyn_choice

@@ -11,6 +11,7 @@ module linkdyn_description
         n_event, n_stop, n_controller, n_clutch, side_opening, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
+    use linkdyn_shared_words, only: shared_components, shared_directions
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -106,6 +107,8 @@ contains
         end do
         text = text//"],"//pair("idle_spins", string(idle_spins(scene)))//","// &
             pair("shared_reactions", string(shared_reactions(model)))//","// &
+            pair("shared_components", string(shared_components(model)))//","// &
+            pair("shared_directions", string(shared_directions(model)))//","// &
             pair("redundancy", string(trim(share_name(scene%redundancy))))
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
         text = text//"}"

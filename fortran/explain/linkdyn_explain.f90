@@ -9,7 +9,7 @@ module linkdyn_explain
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: form_worm
     use linkdyn_closing_programs, only: closing_programs
-    use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words, sharing_in_words
+    use linkdyn_choice, only: has_choice, choice_in_words, sharing_in_words
     use linkdyn_gearing, only: led_name
     use linkdyn_group_motion, only: group_closer
     use linkdyn_joint_table, only: n_transmitted
@@ -28,6 +28,7 @@ module linkdyn_explain
         side_voltage, side_opening, feed_none, feed_gravity, feed_inverse, law_none
     use linkdyn_reach, only: find_reach
     use linkdyn_representatives, only: representative_poses, make_closer
+    use linkdyn_shared_words, only: shares_in_words
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text

@@ -12,7 +12,8 @@ module linkdyn_model
     public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
         led_type, loose_type
     public :: motor_type, take_motors
-    public :: share_type, arm_type, driven_type
+    public :: share_type, open_part_type, arm_type, driven_type
+    public :: axes_of_world, axes_of_joint, axes_of_link
     public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, &
         step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
@@ -20,7 +21,7 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, friction_is_shared, feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, universal_of_rod, dyad_names, orientation_of, side_of, link_freedom, place_size, &
         has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
+    public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
@@ -29,6 +30,11 @@ module linkdyn_model
     !> a joint makes of it that gapes by little everywhere, or rounding near a dead point. One that fits in a pose alone parts as
     !> fast as links move.
     real(wp), parameter :: parts_slowly = 1.0e-5_wp, parts_gently = 1.0e-4_wp
+
+    real(wp), parameter :: nothing = 1.0e-12_wp     !! is rounding of places, no size [m]
+
+    ! ---- axes in which directions are told
+    integer, parameter :: axes_of_world = 1, axes_of_joint = 2, axes_of_link = 3    !! of a joint: of its first marker
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -207,13 +213,25 @@ module linkdyn_model
         real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
         integer :: n_found = 1                !! assemblies among which that of the start was chosen; 0: others were not looked for
         integer :: chosen_by = 0              !! what decided it: one of `by_*`
-        real(wp), allocatable :: row_unit(:)  !! of its constraints: the mechanism's size for a distance, 1 for an angle (row)
+        real(wp) :: size = 1                  !! the largest coordinate of its joints' markers [m]
+        real(wp), allocatable :: row_unit(:)  !! of its constraints: its size for a distance, 1 for an angle (row)
         real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
         integer :: n_thread = 0               !! joints in which a turn ties a slide
         real(wp), allocatable :: thread_axis(:, :)    !! of a link's thread, link axes; 0: it has none (3, link)
         integer :: step = 0                   !! of the plan, that places them
     end type group_type
+
+    !> Along what a joint's force, or its moment, is not determined: what is square to these directions is. See
+    !> `linkdyn_open_directions`.
+    type :: open_part_type
+        logical :: world(3) = .false.         !! it is not along these world axes, in every pose that the mechanism takes
+        integer :: n = 0                      !! directions; 0: it is determined
+        integer :: axes = axes_of_world       !! in which these directions stay
+        integer :: link = 0                   !! whose axes these are
+        real(wp) :: direction(3, 3) = 0       !! orthonormal (3, n)
+        integer :: n_at_once = 0              !! directions of a single pose: fewer where they turn against all links
+    end type open_part_type
 
     !> Reactions that the equations alone do not determine, because joints hold directions that others hold already. See
     !> `linkdyn_release` and `linkdyn_shared_reactions`.
@@ -223,6 +241,7 @@ module linkdyn_model
         integer, allocatable :: joint(:)      !! that take part
         integer, allocatable :: link(:)       !! between them
         logical, allocatable :: of_force(:), of_moment(:)    !! what of these joints is not determined
+        type(open_part_type), allocatable :: part(:, :)      !! of it: of the force, of the moment (2, joint)
         type(null_space_plan) :: stress       !! how the states of self-stress follow from the joints' constraint rows
     end type share_type
 
@@ -535,15 +554,34 @@ contains
     !> drawn from its centre, there is none, and any does.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
-        real(wp), parameter :: nothing = 1.0e-12_wp     !! is rounding of places, no size
         integer :: j
 
         scene_size = 0
         do j = 1, model%n_joint
-            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)), model%joint(j)%reach)
+            scene_size = max(scene_size, reach_of(model%joint(j)))
         end do
         if (scene_size < nothing) scene_size = 1
     end function scene_size
+
+    !> Likewise of the joints of a group: what is far from them, a tool at the end of a boom, says nothing of it.
+    pure real(wp) function group_size(model, group)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer :: i
+
+        group_size = 0
+        do i = 1, size(group%joint)
+            group_size = max(group_size, reach_of(model%joint(group%joint(i))))
+        end do
+        if (group_size < nothing) group_size = 1
+    end function group_size
+
+    !> The largest coordinate of a joint's markers, or what its curve reaches [m].
+    pure real(wp) function reach_of(joint)
+        type(joint_type), intent(in) :: joint
+
+        reach_of = max(maxval(abs(joint%point)), joint%reach)
+    end function reach_of
 
     !> Does a step turn its link by three angles that are coordinates?
     pure logical function gives_attitude(model, step)

@@ -25,15 +25,17 @@ module linkdyn_release
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: find_redundant_gears
     use linkdyn_elastic_links, only: list_arm_parts
-    use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose, joint_key
+    use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose, &
+        joint_key, joint_thread
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: lend_texts, take_texts_back
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: plan_null_space
+    use linkdyn_open_directions, only: open_part_of, whole_part
     use linkdyn_redundancy, only: most_links
     use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_fixed, joint_planar, joint_n_variable
+        joint_universal, joint_spherical, joint_fixed, joint_planar, joint_screw, joint_n_variable
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -372,6 +374,8 @@ contains
                 call add(joint_groove, joint_loose, xy, none)
                 call add_lines()
                 call add_lines_of_groove()
+            case (joint_screw)
+                call add(joint_screw, joint_thread, xy, xy)
             case (joint_cylindrical)
                 call add(joint_cylindrical, joint_groove, none, xy)
                 call add(joint_cylindrical, joint_loose, xy, xy)
@@ -827,6 +831,7 @@ contains
         model%share%link = pack([(i, i=1, model%n_link)], is_between)
         model%share%of_force = is_stressed(of_force, model%share%joint)
         model%share%of_moment = is_stressed(of_moment, model%share%joint)
+        call note_directions(model, pose)
         call plan_stress(model, pose)
 
     contains
@@ -840,6 +845,41 @@ contains
             acts(of_moment) = any(gear%couple(:, 2) /= 0)
         end function acts_of
     end subroutine note_shares
+
+    !> Along what the force and the moment of each of these joints are open. Many poses tell what stays so; one that cannot be left
+    !> tells of itself alone.
+    subroutine note_directions(model, pose)
+        type(model_type), intent(inout) :: model
+        type(stressed_pose), intent(in) :: pose(:)
+        integer, parameter :: several = 3               ! poses
+        real(wp) :: stress(6, model%share%n, size(pose)), frame(3, 3, size(pose))
+        real(wp) :: rotation(3, 3, 0:model%n_link, size(pose)), nothing
+        integer :: i, k, p, sort
+
+        nothing = 0
+        do p = 1, size(pose)
+            rotation(:, :, :, p) = pose(p)%loop%rotation
+            nothing = max(nothing, least_new(pose(p)%loop))
+        end do
+        allocate (model%share%part(2, size(model%share%joint)))
+        do i = 1, size(model%share%joint)
+            k = findloc(pose(1)%loop%joint, model%share%joint(i), dim=1)
+            do p = 1, size(pose)
+                associate (rows => pose(p)%first(k), next => pose(p)%first(k + 1) - 1)
+                    stress(:, :, p) = matmul(pose(p)%rows%wrench(:, rows:next), pose(p)%whole(rows:next, :))
+                end associate
+                frame(:, :, p) = pose(p)%frame(:, :, 1, k)
+            end do
+            do sort = of_force, of_moment
+                if (size(pose) < several .and. model%n_q > 0) then
+                    model%share%part(sort, i) = whole_part(model%is_planar, sort == of_moment)
+                else
+                    model%share%part(sort, i) = open_part_of(stress(3*sort - 2:3*sort, :, :), frame, rotation, &
+                                                             model%joint(model%share%joint(i))%link, nothing)
+                end if
+            end do
+        end do
+    end subroutine note_directions
 
     !> How the states of self-stress are found of a pose: from the rows of the joints that share, in the equations of their links.
     subroutine plan_stress(model, pose)

@@ -30,6 +30,7 @@ module linkdyn_netcdf_writer
         character(len=:), allocatable :: scene     !! text of the scene file
         character(len=:), allocatable :: idle_spins    !! links whose idle spins are settled; empty: there are none
         character(len=:), allocatable :: shared_reactions  !! that the equations leave open; empty: none
+        character(len=:), allocatable :: shared_components, shared_directions   !! of these
         character(len=:), allocatable :: redundancy    !! how these were found
         character(len=:), allocatable :: history   !! when and by which command
         real(wp) :: gravity(3) = 0                 !! [m/s2]
@@ -353,6 +354,8 @@ contains
         if (attributes%idle_spins /= "") call put_text("idle_spins", attributes%idle_spins)
         if (attributes%shared_reactions /= "") then
             call put_text("shared_reactions", attributes%shared_reactions)
+            call put_text("shared_components", attributes%shared_components)
+            call put_text("shared_directions", attributes%shared_directions)
             call put_text("redundancy", attributes%redundancy)
         end if
         call put_text("scene", attributes%scene)

@@ -128,6 +128,37 @@ class RunAccessor:
             scene = self._scene("cylinder", scene)
         return cycle.cylinder(self._run, actuator, scene, **options)
 
+    @property
+    def determined(self) -> xr.DataArray:
+        """Which components of reactions, world axes, the equations determine: the others are a choice, as the scene's ``redundancy`` says.
+
+        Returns
+        -------
+        xarray.DataArray
+            True or false for each joint and component. All are true where no constraint is redundant, none is where friction comes of
+            what is shared. Where drives share the work, by the driving forces that are taken.
+
+        Raises
+        ------
+        InputError
+            The run has no reactions.
+
+        Examples
+        --------
+        >>> run = linkdyn.load("examples/agile_eye/scene.toml").inverse()
+        >>> exact = run.reaction.where(run.linkdyn.determined)
+        """
+        reaction = self._result("reaction")
+        shared = str(self._run.attrs.get("shared_components", ""))
+        parts = {f"{part}.{axis}": f"{letter}{axis}" for part, letter in GROUPS.items() for axis in "xyz"}
+        found = reaction.isel(sample=0, drop=True).drop_vars("time", errors="ignore").astype(bool)
+        found = found.copy(data=np.full(found.shape, shared != "all"))
+        found.attrs = {"long_name": "determined by the equations"}
+        for word in shared.split() if shared != "all" else ():
+            joint, sort, axis = word.rsplit(".", 2)
+            found.loc[{"joint": joint, "component": parts[f"{sort}.{axis}"]}] = False
+        return found
+
     def rms(self, quantity: str = "driving_force") -> xr.DataArray:
         """Rms values over the run's time, as the summary tells them; samples that failed do not count.
 

@@ -383,7 +383,7 @@ def run_attributes(scene: dict[str, Any], scene_text: str, solver: str) -> dict[
         "solver": solver,
         "gravity": np.array(scene["gravity"][: 2 if scene["planar"] else 3]),
         **({"idle_spins": scene["idle_spins"]} if scene["idle_spins"] else {}),
-        **({name: scene[name] for name in ("shared_reactions", "redundancy")} if scene["shared_reactions"] else {}),
+        **({name: scene[name] for name in ("shared_reactions", "shared_components", "shared_directions", "redundancy")} if scene["shared_reactions"] else {}),
         "scene": scene_text,
         "history": f"{datetime.now().astimezone().isoformat(timespec='seconds')} {Path(sys.argv[0] or 'python').name}",
     }
