@@ -26,7 +26,7 @@ module linkdyn_assembly_trail
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
         follows_assembly, is_way_short, nearest_start
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
+    use linkdyn_model, only: model_type, place_size, link_freedom
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_stride, only: stride_type, make_stride, is_close
@@ -385,7 +385,7 @@ contains
         logical, intent(out) :: is_believed(lanes)   !! the step to a lane; of the first lane there is none
         real(wp), dimension(lanes, size(model%least_margin)) :: margin, drift
         real(wp) :: way(lanes, size(at, 2)), back(lanes), square(lanes)
-        real(wp) :: rate(lanes, link_freedom(model), model%n_link), extent
+        real(wp) :: rate(lanes, link_freedom(model), model%n_link)
         integer :: lane, m, k
 
         do lane = 1, lanes
@@ -411,11 +411,10 @@ contains
         end do
         if (size(model%group) == 0) return
         ! The rates at both ends of a step must explain where the groups' links have gone.
-        extent = scene_size(model)
         associate (place => trail%state%group%place)
             do lane = 2, n
                 if (is_believed(lane)) is_believed(lane) = is_close( &
-                    model, extent, place(lane - 1, :, :), place(lane, :, :), &
+                    model, place(lane - 1, :, :), place(lane, :, :), &
                     (rate(lane - 1, :, :) + back(lane)*rate(lane, :, :))/2, &
                     minval(abs(margin(lane - 1:lane, model%n_branch + 1:)), dim=1))
             end do
@@ -498,7 +497,7 @@ contains
             if (size(model%group) > 0) then
                 nothing = 0
                 do lane = 2, n
-                    if (goes(lane)) goes(lane) = is_close(model, scene_size(model), state%group%place(lane, :, :), &
+                    if (goes(lane)) goes(lane) = is_close(model, state%group%place(lane, :, :), &
                                                           found(lane, :, :), nothing, abs(state%group%margin(lane, :)))
                 end do
                 state%group%place = found

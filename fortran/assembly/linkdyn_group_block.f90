@@ -6,7 +6,7 @@ module linkdyn_group_block
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_link_place, only: move_in_space, spun_place, turned_axis
-    use linkdyn_model, only: model_type, group_type, place_size, link_freedom, scene_size
+    use linkdyn_model, only: model_type, group_type, place_size, link_freedom
     use linkdyn_newton_rules, only: judge_corrections, step_ahead
     implicit none (type, external)
     private
@@ -35,7 +35,6 @@ module linkdyn_group_block
         logical, allocatable :: is_closed(:)        !! (sample)
         logical :: only_leads = .false.             !! steps need not be as sure as where samples stay, see `group_closer`
         logical :: wants_rates = .true.             !! false: speeds do
-        real(wp) :: whole = 1                       !! the mechanism's size
         ! ---- scratch, for the largest group
         real(wp), allocatable, private :: ahead(:, :, :), velocity(:, :), corrected(:, :), turned(:, :), extent(:, :)
         real(wp), allocatable, private :: q(:, :), margin_here(:), before(:), contraction(:)
@@ -55,7 +54,6 @@ contains
             if (size(block%at, 1) == n) return
             block = group_block()
         end if
-        block%whole = scene_size(model)
         n_row = 0
         do g = 1, size(model%group)
             n_row = max(n_row, size(model%group(g)%unit))
@@ -364,7 +362,7 @@ contains
             call make_steps()
             call put_where(n, block%is_under_way, block%margin_here, block%margin(:, g))
             block%takes = block%is_under_way
-            call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), block%whole, &
+            call judge_corrections(step == 1, block%extent(:, 1), block%extent(:, 2), block%extent(:, 3), group%size, &
                                    block%margin(:, g), block%is_sure, block%before, block%contraction, block%is_closed, &
                                    block%is_under_way)
             block%takes = block%takes .and. block%is_closed
@@ -494,7 +492,7 @@ contains
             block%before = min(abs(margin(:, g)), abs(block%margin(:, g)))
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    call compare_motion(n, n, size(block%place, 2), block%whole, block%from(1, 1, l), &
+                    call compare_motion(n, n, size(block%place, 2), model%group(g)%size, block%from(1, 1, l), &
                                         block%place(1, 1, l), block%shift(1, 1, l), block%rate(1, 1, l), n, along, block%before, &
                                         is_explained, block%contraction)
                 end associate
@@ -522,11 +520,11 @@ contains
             block%before(1) = min(block%before(1), abs(margin(g)))
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    call compare_motion(1, 1, n_place, block%whole, place(:, l), block%place(1, 1, l), rate(:, l), &
+                    call compare_motion(1, 1, n_place, model%group(g)%size, place(:, l), block%place(1, 1, l), rate(:, l), &
                                         block%rate(1, 1, l), n, back, block%before, is_explained, block%contraction)
-                    if (n > 1) call compare_motion(n - 1, n, n_place, block%whole, block%place(1, 1, l), block%place(2, 1, l), &
-                                                   block%rate(1, 1, l), block%rate(2, 1, l), n, back(2:), block%before(2:), &
-                                                   is_explained(2:), block%contraction)
+                    if (n > 1) call compare_motion(n - 1, n, n_place, model%group(g)%size, block%place(1, 1, l), &
+                                                   block%place(2, 1, l), block%rate(1, 1, l), block%rate(2, 1, l), n, back(2:), &
+                                                   block%before(2:), is_explained(2:), block%contraction)
                 end associate
             end do
         end do
@@ -539,7 +537,7 @@ contains
         integer, intent(in) :: n                               !! steps
         integer, intent(in) :: n_from, n_to                    !! from one number of a sample to its next
         integer, intent(in) :: n_place                         !! numbers of a place
-        real(wp), intent(in) :: whole                          !! the mechanism's size
+        real(wp), intent(in) :: whole                          !! the group's size
         real(wp), intent(in) :: from(n_from, *), to(n_to, *)   !! places
         real(wp), intent(in) :: rate_from(n_from, *), rate_to(n_to, *)
         real(wp), intent(in) :: back(n)                        !! times the latter along the step

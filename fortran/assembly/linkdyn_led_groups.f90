@@ -9,7 +9,7 @@ module linkdyn_led_groups
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, scene_size
+    use linkdyn_model, only: model_type
     use linkdyn_newton_group, only: n_shift
     implicit none (type, external)
     private
@@ -130,7 +130,7 @@ contains
                     associate (link => self%model%group(g)%link, n => n_shift(self%model))
                         found%speed(lane(i), g) = maxval(abs(tried%rate(i, :, link)))
                         found%shift(lane(i), g) = maxval(abs(tried%place(i, :n, link) - tried%from(i, :n, link))) &
-                                                  /scene_size(self%model)
+                                                  /self%model%group(g)%size
                     end associate
                 end do
             end do

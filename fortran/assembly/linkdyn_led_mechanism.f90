@@ -299,7 +299,7 @@ contains
         end do
     end function speed_of_group
 
-    !> How far the group's links have gone from other places, the farthest along one axis, as a part of the mechanism's size.
+    !> How far the group's links have gone from other places, the farthest along one axis, as a part of the group's size.
     function shift_of_group(model, state, place, g) result(shift)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -314,7 +314,7 @@ contains
                 shift = max(shift, maxval(abs(state%group%place(:, :n, l) - place(:, :n, l)), dim=2))
             end associate
         end do
-        shift = shift/scene_size(model)
+        shift = shift/model%group(g)%size
     end function shift_of_group
 
     !> How far a hinge has gone along both slides that carry it, as a part of the mechanism's size.

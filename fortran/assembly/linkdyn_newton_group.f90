@@ -20,8 +20,8 @@ module linkdyn_newton_group
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, step_rus, is_dyad, &
-        is_rod_leg
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, side_of, step_rus, &
+        is_dyad, is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -34,13 +34,13 @@ module linkdyn_newton_group
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted, n_shift
-    public :: take_spins_apart, correct, rounding_of, solve_with_probe, most_steps
+    public :: take_spins_apart, correct, rounding_of, sizes_away, solve_with_probe, most_steps
 
     integer, parameter :: most_steps = 30
 
 contains
 
-    !> The vectors v of every group, and the units of its corrections: the mechanism's size for a length, 1 for an angle.
+    !> The vectors v of every group, and the units of its corrections: its size for a length, 1 for an angle.
     !> Where the matrix is nearly singular, what counts of v is its part along one direction. Of random numbers that part
     !> is about one, whatever symmetries the mechanism has, and that it should be small for both vectors is unlikely.
     subroutine prepare_margins(model)
@@ -53,13 +53,14 @@ contains
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 n = freedom*size(group%link)
-                group%row_unit = merge(scene_size(model), 1.0_wp, is_distance(model, group))
+                group%size = group_size(model, group)
+                group%row_unit = merge(group%size, 1.0_wp, is_distance(model, group))
                 allocate (group%probe(n, n_probe))
                 do k = 1, n_probe
                     group%probe(:, k) = [(2*counter_uniform(0_int64, int(k, int64), int(i, int64)) - 1, i=1, n)]
                     group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2))*group%row_unit
                 end do
-                group%unit = [(merge(scene_size(model), 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
+                group%unit = [(merge(group%size, 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
                 call find_thread_axes(model, group)
             end associate
         end do
@@ -294,14 +295,36 @@ contains
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
         real(wp) :: noise(lanes)
+
+        noise = rounding_at(group%size*sizes_off(model, group, place), group%size)
+    end function rounding_of
+
+    !> How far the group's links are from the world's origin, in sizes of the group; one at least.
+    pure function sizes_off(model, group, place) result(off)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
+        real(wp) :: off(lanes)
         integer :: i
 
-        noise = scene_size(model)
+        off = 1
         do i = 1, size(group%link)
-            noise = max(noise, maxval(abs(place(:, :n_shift(model), group%link(i))), dim=2))
+            off = max(off, maxval(abs(place(:, :n_shift(model), group%link(i))), dim=2)/group%size)
         end do
-        noise = rounding_at(noise, scene_size(model))
-    end function rounding_of
+    end function sizes_off
+
+    !> The same of one sample.
+    pure real(wp) function sizes_away(model, group, place) result(off)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: place(:, :)              !! (place_size, n_link)
+        integer :: i
+
+        off = 1
+        do i = 1, size(group%link)
+            off = max(off, maxval(abs(place(:n_shift(model), group%link(i))))/group%size)
+        end do
+    end function sizes_away
 
     ! ---------------------------------------------------------------- margin
 
@@ -385,7 +408,7 @@ contains
                                            is_recorded, only_leads=.true.)
     end subroutine look_ahead_by_record
 
-    !> What rounding leaves of the group's motion. Lengths are parts of the mechanism's size, so its links turn on a radius of
+    !> What rounding leaves of the group's motion. Lengths are parts of its size, so its links turn on a radius of
     !> about one.
     pure function uncertainty_of_group(model, group, state, margin) result(part)
         type(model_type), intent(in) :: model
@@ -396,10 +419,11 @@ contains
 
         part = uncertainty_of_motion(abs(margin), 1.0_wp, &
                                      speed_of(model, group, state, level_velocity), state%group%gap(:, level_velocity), &
-                                     speed_of(model, group, state, level_given), state%group%gap(:, level_given))
+                                     speed_of(model, group, state, level_given), state%group%gap(:, level_given), &
+                                     sizes_off(model, group, state%group%place))
     end function uncertainty_of_group
 
-    !> The largest of the links' rates of a level, lengths by the mechanism's size.
+    !> The largest of the links' rates of a level, lengths by the group's size.
     pure function speed_of(model, group, state, level) result(speed)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -413,7 +437,7 @@ contains
         speed = 0
         do i = 1, size(group%link)
             rate = place_rates(model, state, group%link(i), level)
-            speed = max(speed, sqrt(sum(rate(:, :n)**2, dim=2))/scene_size(model), sqrt(sum(rate(:, n + 1:)**2, dim=2)))
+            speed = max(speed, sqrt(sum(rate(:, :n)**2, dim=2))/group%size, sqrt(sum(rate(:, n + 1:)**2, dim=2)))
         end do
     end function speed_of
 

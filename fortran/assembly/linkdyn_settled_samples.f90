@@ -24,7 +24,7 @@ module linkdyn_settled_samples
     use linkdyn_led_mechanism, only: lead_from_start, is_way_short
     use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_mix, only: counter_bits
-    use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
+    use linkdyn_model, only: model_type, repeats, link_freedom
     use linkdyn_status, only: sample_ok, sample_unreachable
     use linkdyn_stride, only: is_step_believed, is_close, is_turn_kept
     use linkdyn_threads, only: team_size
@@ -435,7 +435,7 @@ contains
         type(group_block), intent(in) :: found       !! led there by `shift`
         integer, intent(in) :: i                     !! the sample in it
 
-        is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(i, :, :), &
+        is_like = is_close(model, node%found%place(:, :, k), found%place(i, :, :), &
                            (found%shift(i, :, :) + found%rate(i, :, :))/2, &
                            min(abs(node%tangents(k)%margin(:, 1)), abs(found%margin(i, :))))
     end function is_close_to_node

@@ -99,7 +99,7 @@ contains
         are_short = all(block%is_closed)
         if (.not. are_short) return
         do g = 1, size(model%group)
-            associate (here => block%margin(:, g), n => size(reach))
+            associate (here => block%margin(:, g), n => size(reach), whole => model%group(g)%size)
                 are_short = all(sign(1.0_wp, margin(g))*here > model%least_margin(model%n_branch + g))
                 if (.not. are_short) return
                 reach(1) = part*min(abs(margin(g)), abs(here(1)))
@@ -107,8 +107,8 @@ contains
                 square = 0
                 do i = 1, size(model%group(g)%link)
                     associate (l => model%group(g)%link(i))
-                        call measure_steps(1, 1, n, size(place, 1), block%whole, place(:, l), block%place(1, 1, l), square)
-                        if (n > 1) call measure_steps(n - 1, n, n, size(place, 1), block%whole, block%place(1, 1, l), &
+                        call measure_steps(1, 1, n, size(place, 1), whole, place(:, l), block%place(1, 1, l), square)
+                        if (n > 1) call measure_steps(n - 1, n, n, size(place, 1), whole, block%place(1, 1, l), &
                                                       block%place(2, 1, l), square(2:))
                     end associate
                 end do
@@ -118,13 +118,13 @@ contains
         end do
     end function are_short
 
-    !> The squares of how far a link has come on some steps, where that is more than others have: shifts by the mechanism's size, or
+    !> The squares of how far a link has come on some steps, where that is more than others have: shifts by the group's size, or
     !> turns. A turn by an angle moves the unit quaternion by 2 sin(angle/4), about twice of which make the angle where it is small.
     pure subroutine measure_steps(n, n_from, n_to, n_place, whole, from, to, square)
         integer, intent(in) :: n                               !! steps
         integer, intent(in) :: n_from, n_to                    !! from one number of a sample to its next
         integer, intent(in) :: n_place                         !! numbers of a place
-        real(wp), intent(in) :: whole                          !! the mechanism's size
+        real(wp), intent(in) :: whole                          !! the group's size
         real(wp), intent(in) :: from(n_from, *), to(n_to, *)   !! places
         real(wp), intent(inout) :: square(n)
         real(wp), parameter :: of_turn = 2.01_wp**2

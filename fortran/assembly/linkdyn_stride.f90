@@ -10,7 +10,7 @@ module linkdyn_stride
     use linkdyn_kinds, only: wp
     use linkdyn_link_place, only: motion_between, spun_place, turned_axis
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, link_freedom, scene_size
+    use linkdyn_model, only: model_type, link_freedom
     use linkdyn_threads_of_group, only: surely_same_turn
     implicit none (type, external)
     private
@@ -40,12 +40,10 @@ contains
         !> Of the groups' links: at the beginning, then at all samples (place_size, n_link, 0:n); empty: there are none
         real(wp), intent(inout), contiguous :: place(:, :, 0:)
         type(stride_type), intent(inout) :: stride   !! as it was left, its room is used again
-        real(wp) :: extent
         integer :: n, i
         logical :: goes_on
 
         n = size(q, 2)
-        extent = scene_size(model)
         goes_on = ends_at(stride, from, place)
         if (allocated(stride%at)) then
             if (ubound(stride%at, 2) /= n) deallocate (stride%at, stride%way, stride%margin, stride%drift, stride%is_closed)
@@ -75,7 +73,7 @@ contains
             if (model%n_branch == 0 .and. size(model%group) > 0) then
                 if (stride%groups%is_short(i)) cycle
             end if
-            if (.not. is_sample_believed(model, extent, place, stride, i)) exit
+            if (.not. is_sample_believed(model, place, stride, i)) exit
         end do
         stride%n_believed = i - 1
     end subroutine make_stride
@@ -108,9 +106,8 @@ contains
     end subroutine judge_closed_forms
 
     !> The step to a sample from the one before.
-    pure logical function is_sample_believed(model, extent, place, stride, i) result(is_believed)
+    pure logical function is_sample_believed(model, place, stride, i) result(is_believed)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: extent               !! the mechanism's size
         real(wp), intent(in) :: place(:, :, 0:)
         type(stride_type), intent(in) :: stride
         integer, intent(in) :: i
@@ -138,7 +135,7 @@ contains
                                                (groups%thread_rate(:, i - 1) + groups%thread_rate_there(:, i))/2))
                 if (.not. is_believed) return
             end if
-            is_believed = is_close(model, extent, place(:, :, i - 1), place(:, :, i), &
+            is_believed = is_close(model, place(:, :, i - 1), place(:, :, i), &
                                    (groups%rate(:, :, i - 1) + rate)/2, min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
     end function is_sample_believed
@@ -161,9 +158,8 @@ contains
 
     !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
     !> against the distance, about the margin, at which another assembly may be.
-    pure logical function is_close(model, extent, from, to, explained, margin)
+    pure logical function is_close(model, from, to, explained, margin)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: extent               !! the mechanism's size
         real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
         real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
         real(wp), intent(in) :: margin(:)            !! (n_group)
@@ -181,7 +177,7 @@ contains
                     else
                         moved = left_of_spin(from(:, l), to(:, l), explained(:, l), model%group(g)%thread_axis(:, i))
                     end if
-                    open = max(open, maxval(abs(moved(:n)))/extent, maxval(abs(moved(n + 1:))))
+                    open = max(open, maxval(abs(moved(:n)))/model%group(g)%size, maxval(abs(moved(n + 1:))))
                 end associate
             end do
             is_close = is_close .and. open <= part_of_margin*margin(g)

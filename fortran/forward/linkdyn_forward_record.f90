@@ -22,6 +22,7 @@ module linkdyn_forward_record
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, gives_attitude, link_freedom, place_size
     use linkdyn_motion, only: evaluate_loads, loads_are_constant, is_constant
+    use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
@@ -489,7 +490,8 @@ contains
                 samples%is_left(lane) = .not. is_closed(lane)
                 do g = 1, size(model%group)
                     samples%is_left(lane) = samples%is_left(lane) .or. &
-                                            .not. is_surely_certain(samples%group_margin(g, lane), size(model%group(g)%unit))
+                                            .not. is_surely_certain(samples%group_margin(g, lane), size(model%group(g)%unit), &
+                                                                    sizes_away(model, model%group(g), place(:, :, lane)))
                 end do
             end do
         end associate

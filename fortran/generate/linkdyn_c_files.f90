@@ -30,7 +30,6 @@ module linkdyn_c_files
         type(field_type), allocatable :: state(:)      !! places of links in groups closed by iteration; none: there are none
         type(group_code), allocatable :: group(:)
         type(controller_kernel) :: controller
-        real(wp) :: extent = 1                         !! the mechanism's size [m]
         real(wp), allocatable :: stride(:)             !! of coordinates through which groups can be followed (n_q) [m, rad]
         real(wp), allocatable :: branch(:)             !! of the closed forms, +1 or -1
         character(len=note_len), allocatable :: branch_at(:)   !! where they close
@@ -256,7 +255,7 @@ contains
         if (has_state(code)) call write_move(code%list(of_place)%n, unit)
         do g = 1, size(code%group)
             call write_routine(closing(g), unit)
-            call write_settling(name, g, code%group(g), code%list(of_placed)%label, code%list(of_place)%n, code%extent, &
+            call write_settling(name, g, code%group(g), code%list(of_placed)%label, code%list(of_place)%n, &
                                 closing(g), unit)
         end do
         call write_routine(routine, unit)

@@ -20,6 +20,7 @@ module linkdyn_c_iteration
         type(controller_kernel) :: controller          !! its step
         integer :: first = 0, n = 0                    !! among the links placed so
         real(wp), allocatable :: unit(:)               !! of its corrections (row)
+        real(wp) :: size = 1                           !! the largest coordinate of its joints' markers [m]
         real(wp) :: sense = 1                          !! sign of the determinant on the start's assembly
     end type group_code
 
@@ -60,13 +61,12 @@ contains
     end subroutine write_move
 
     !> Newton's iteration of a group, by the rules of `linkdyn_newton_rules`.
-    subroutine write_settling(name, g, group, label, place_size, extent, closing, unit)
+    subroutine write_settling(name, g, group, label, place_size, closing, unit)
         character(len=*), intent(in) :: name           !! what identifiers begin with
         integer, intent(in) :: g                       !! number of the group
         type(group_code), intent(in) :: group
         character(len=*), intent(in) :: label(:)       !! of all links placed so
         integer, intent(in) :: place_size              !! numbers that place one
-        real(wp), intent(in) :: extent                 !! the mechanism's size [m]
         type(c_routine), intent(in) :: closing         !! its step
         integer, intent(in) :: unit
         integer, parameter :: of_caller = 2            !! what the caller gives, among the pointers of a step
@@ -96,7 +96,7 @@ contains
         call write_calls(closing, 8, [character(len=6) :: "work", "in", "state", ""], unit)
         write (unit, "(a)") "        if (!(work->alarm <= 1.0))", &
             "            return "//large//"_ALARM;", &
-            "        largest = 0.0; /* of the corrections, lengths by the mechanism's size */", &
+            "        largest = 0.0; /* of the corrections, lengths by the group's size */", &
             "        for (i = 0; i < "//rows//"; i++) {", &
             "            const double size = fabs(work->correction[i])/unit[i];", &
             "            if (!(size <= "//c_number(largest_turn)//"))", &
@@ -107,12 +107,12 @@ contains
             "        /* Not above zero on another assembly. */", &
             "        margin = "//trim(merge("-", " ", group%sense < 0))//"work->determinant > 0.0 ? sqrt(" &
                 //c_number(real(n_probe, wp)/size(group%unit))//"/work->response) : 0.0;", &
-            "        distance = "//c_number(extent)//"; /* [m] */", &
+            "        distance = "//c_number(group%size)//"; /* [m] */", &
             "        for (i = "//to_text(group%first - 1)//"; i < "//to_text(group%first + group%n - 1)//"; i++)", &
             "            for (k = 0; k < "//shifts//"; k++)", &
             "                if (fabs(state->place[i][k]) > distance)", &
             "                    distance = fabs(state->place[i][k]);", &
-            "        noise = "//c_number(rounding_at(1.0_wp, extent))//"*distance/(margin > " &
+            "        noise = "//c_number(rounding_at(1.0_wp, group%size))//"*distance/(margin > " &
                 //c_number(least_group_margin)//" ? margin : "//c_number(least_group_margin)//");", &
             "        for (i = 0; i < "//to_text(group%n)//"; i++)", &
             "            move_back(state->place["//to_text(group%first - 1)//" + i], work->correction + "//freedom//"*i);", &

@@ -18,7 +18,7 @@ module linkdyn_generate
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, place_size, scene_size
+    use linkdyn_model, only: model_type, place_size
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_newton_group, only: prepare_margins
@@ -295,12 +295,12 @@ contains
                 group%first = size(link) + 1
                 group%n = size(own%group(g)%link)
                 group%unit = own%group(g)%unit
+                group%size = own%group(g)%size
                 call run_kernel(group%controller, start, 1, found)
                 group%sense = sign(1.0_wp, found(findloc(group%controller%id, out_determinant, dim=1)))
             end associate
             link = [link, own%group(g)%link]
         end do
-        code%extent = scene_size(own)
         code%list(of_placed) = list_of_names("placed", [(code%list(of_links)%label(link(i)), i=1, size(link))], &
                                              [(" ", i=1, size(link))])
         if (own%is_planar) then

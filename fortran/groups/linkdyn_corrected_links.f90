@@ -6,7 +6,7 @@ module linkdyn_corrected_links
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type
-    use linkdyn_model, only: model_type, group_type, link_freedom, place_size, scene_size
+    use linkdyn_model, only: model_type, group_type, link_freedom, place_size
     use linkdyn_value, only: value, zero, one, constant, sqrt, sin, cos, max, abs, square, nearest_whole, &
         operator(+), operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, vector_of, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -38,7 +38,7 @@ contains
         allocate (corrected%place(place_size(model), size(group%link)))
         corrected%largest = zero()
         corrected%bounded = zero()
-        corrected%distance = constant(scene_size(model))
+        corrected%distance = constant(group%size)
         do i = 1, size(group%link)
             associate (l => group%link(i), unit => group%unit(n*(i - 1) + 1:n*i), axis => group%thread_axis(:, i))
                 by = -correction(n*(i - 1) + 1:n*i)
@@ -97,7 +97,7 @@ contains
         place(4:) = (one()/sqrt(square(turned(1)) + square(turned(2)) + square(turned(3)) + square(turned(4))))*turned
     end subroutine move
 
-    !> The largest velocity or angular velocity of a group's links and of those that they are joined to, lengths by the mechanism's
+    !> The largest velocity or angular velocity of a group's links and of those that they are joined to, lengths by the group's
     !> size.
     function fastest(mechanism, group, rate) result(speed)
         type(mechanism_type), intent(in) :: mechanism
@@ -130,7 +130,7 @@ contains
         subroutine note(shift, turn)
             type(value), intent(in) :: shift(:), turn(:)
 
-            largest = max(largest, max(constant(1/scene_size(mechanism%model)**2)*sum_of_squares(shift), sum_of_squares(turn)))
+            largest = max(largest, max(constant(1/group%size**2)*sum_of_squares(shift), sum_of_squares(turn)))
         end subroutine note
     end function fastest
 

@@ -11,6 +11,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
     use linkdyn_inverse_results, only: list_results, clear_measures
     use linkdyn_lock, only: hold_records, release_records
     use linkdyn_model, only: scene_size
+    use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_forces, only: record_forces, run_recorded
     use linkdyn_recorded_margins, only: of_margins
@@ -334,12 +335,16 @@ contains
         type(model_type), intent(in) :: model
         type(sample_assembly), intent(in) :: assembly
         integer :: status(size(assembly%status))               !! one of `sample_*`
-        integer :: g
+        integer :: g, i
 
         status = assembly%status
-        do g = 1, size(model%group)
-            where (status == sample_ok .and. .not. is_surely_certain(assembly%margin(g, :), size(model%group(g)%unit))) &
-                status = sample_singular
+        do i = 1, size(status)
+            if (status(i) /= sample_ok) cycle
+            do g = 1, size(model%group)
+                associate (off => sizes_away(model, model%group(g), assembly%place(:, 1:, i)))
+                    if (.not. is_surely_certain(assembly%margin(g, i), size(model%group(g)%unit), off)) status(i) = sample_singular
+                end associate
+            end do
         end do
     end function status_for_record
 end submodule linkdyn_inverse_records

@@ -371,7 +371,7 @@ contains
                 block%rate = 0
                 call explain_shifts(model, margin, block, is_explained)
                 do s = 1, n
-                    associate (is_measured => is_close(model, scene_size(model), block%from(s, :, :), block%place(s, :, :), &
+                    associate (is_measured => is_close(model, block%from(s, :, :), block%place(s, :, :), &
                                                        block%shift(s, :, :)/2, margin(s, :)))
                         call check(error, is_measured .or. .not. is_explained(s), trim(name(i))//": explained by angles, too")
                         if (turn < 0.2_wp .and. open < 0.9_wp) &
@@ -662,7 +662,7 @@ contains
             n_short = n_short + 1
             is_believed = all(is_step_believed(model%least_margin(model%n_branch + 1:), here%margin(1, :), here%drift(1, :), &
                                                there%margin(1, :), there%drift(1, :)))
-            if (is_believed) is_believed = is_close(model, scene_size(model), here%place(1, :, :), there%place(1, :, :), &
+            if (is_believed) is_believed = is_close(model, here%place(1, :, :), there%place(1, :, :), &
                                                     (here%rate(1, :, :) + there%rate(1, :, :))/2, &
                                                     min(abs(here%margin(1, :)), abs(there%margin(1, :))))
             if (is_believed) n_believed = n_believed + 1
