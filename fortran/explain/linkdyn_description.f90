@@ -7,9 +7,9 @@ module linkdyn_description
     use linkdyn_model, only: model_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
-        load_spec, marker_spec, stop_spec, cam_spec, follower_name, measure_joint, &
+        load_spec, marker_spec, spring_spec, stop_spec, cam_spec, follower_name, measure_joint, &
         n_event, n_stop, n_controller, n_clutch, side_opening, &
-        law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
+        law_none, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     use linkdyn_shared_words, only: shared_components, shared_directions
     use linkdyn_text, only: to_text
@@ -83,6 +83,14 @@ contains
         text = text//'],"loads":['
         do i = 1, size(scene%load)
             text = text//separator(i)//load_object(scene, scene%load(i))
+        end do
+        text = text//'],"springs":['
+        is_first = .true.
+        do i = 1, size(scene%spring)
+            if (gives_way_for_stop(scene, scene%spring(i))) cycle
+            if (.not. is_first) text = text//","
+            is_first = .false.
+            text = text//spring_object(scene, scene%spring(i))
         end do
         text = text//'],"payloads":['
         do i = 1, size(scene%payload)
@@ -193,6 +201,44 @@ contains
         end do
         text = text//"]}"
     end function layout_as_json
+
+    !> Stops that give way are springs besides, with their names and lines, or along measures.
+    pure logical function gives_way_for_stop(scene, spring) result(gives_way)
+        type(scene_type), intent(in) :: scene
+        type(spring_spec), intent(in) :: spring
+        integer :: i
+
+        gives_way = spring%measure > 0
+        do i = 1, n_stop(scene)
+            gives_way = gives_way .or. (scene%stop(i)%line == spring%line &
+                                        .and. index(scene%stop(i)%name, trim(spring%name)//".") == 1)
+        end do
+    end function gives_way_for_stop
+
+    !> A spring between markers, or at the variable of a joint, whose markers it then has.
+    function spring_object(scene, spring) result(text)
+        type(scene_type), intent(in) :: scene
+        type(spring_spec), intent(in) :: spring
+        character(len=:), allocatable :: text
+        character(len=:), allocatable :: joint, variable
+        integer :: link(2), marker(2)
+
+        joint = ""
+        variable = ""
+        link = spring%link
+        marker = spring%marker
+        if (spring%joint > 0) then
+            joint = trim(scene%joint(spring%joint)%name)
+            variable = trim(variable_name(spring%variable, scene%joint(spring%joint)%kind))
+            link = scene%joint(spring%joint)%link
+            marker = scene%joint(spring%joint)%marker
+        end if
+        text = "{"//pair("name", string(spring%name))//","//pair("joint", string(joint))//","//pair("variable", string(variable)) &
+               //',"links":['//integer_value(link(1))//","//integer_value(link(2))//'],"markers":[' &
+               //string(marker_name(scene, link(1), marker(1)))//","//string(marker_name(scene, link(2), marker(2)))//"]," &
+               //pair("stiffness", number(spring%stiffness))//","//pair("damping", number(spring%damping))//"," &
+               //pair("rest", number(spring%rest))//","//pair("has_force", logical_value(spring%force%kind /= law_none))//"}"
+    end function spring_object
 
     !> One side of an end stop.
     function stop_object(scene, stop) result(text)

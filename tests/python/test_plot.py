@@ -266,6 +266,51 @@ def test_a_mechanism_in_one_point_is_drawn(tmp_path):
     figure.savefig(tmp_path / "disc.png")
 
 
+@pytest.mark.parametrize(("name", "ends", "pieces"), [
+    ("geared_fivebar", [("frame", "K"), ("rod1", "C")], ["coil"]),
+    ("double_wishbone", [("frame", "tower"), ("lower", "strut")], ["barrel", "rod", "coil"]),
+])
+def test_springs_are_drawn_between_their_ends(name: str, ends: list[tuple[str, str]], pieces: list[str]) -> None:
+    """A coil that begins and ends where the spring is held, and goes round the line between; what damps is a barrel and a rod."""
+    scene = linkdyn.load(EXAMPLES / name / "scene.toml")
+    poses = scene.poses(scene.motion()[0][:1])
+    links = [entry["name"] for entry in scene.description["links"]]
+    held = []
+    for link, marker in ends:
+        k = links.index(link)
+        at = next(np.array(entry["at"]) for entry in scene.description["links"][k]["markers"] if entry["name"] == marker)
+        held.append(at if k == 0 else poses.position[0, k - 1] + poses.rotation[0, k - 1] @ at)
+    held = np.array(held)
+    _, axis = plot.mechanism(scene)
+    lines = [np.array(line.get_data() if scene.planar else line.get_data_3d()).T for line in axis.get_lines()]
+    held = held[:, : lines[0].shape[1]]
+    coil = next(line for line in lines if len(line) > 10 and np.allclose(line[[0, -1]], held, atol=1e-12))
+    along = (held[1] - held[0]) / np.linalg.norm(held[1] - held[0])
+    off = (coil - held[0]) - np.outer((coil - held[0]) @ along, along)
+    assert np.linalg.norm(off, axis=1).max() > 0.01 * np.linalg.norm(held[1] - held[0])
+    halves = [line for line in lines if len(line) == 2 and (np.allclose(line[0], held[0], atol=1e-12) or np.allclose(line[1], held[1], atol=1e-12))]
+    middles = [line for line in halves if np.allclose(line, held[0] + np.outer((line - held[0]) @ along, along), atol=1e-12)]
+    assert (len(middles) >= 2) == ("barrel" in pieces)
+
+
+def test_springs_and_brakes_of_hinges_go_round_them() -> None:
+    for name, is_closed in (("tests/scenes/threerrr_pattern.toml", False), ("examples/fourbar_constant_torque/scene.toml", True)):
+        scene = linkdyn.load(EXAMPLES.parent / name)
+        spring = scene.description["springs"][0]
+        assert (spring["stiffness"] == 0.0) == is_closed and spring["variable"] == "angle"
+        pin = next(np.array(entry["at"])[:2] for entry in scene.description["links"][0]["markers"] if entry["name"] == spring["markers"][0])
+        _, axis = plot.mechanism(scene)
+        rounds = [np.array(line.get_data()).T - pin for line in axis.get_lines() if len(line.get_xdata()) >= 15]
+        size = np.ptp(axis.get_xlim())
+        close = [line for line in rounds if 0.005 * size < np.linalg.norm(line, axis=1).min() and np.linalg.norm(line, axis=1).max() < 0.06 * size]
+        assert len(close) >= 1, name
+
+
+def test_soft_stops_are_no_springs_to_be_drawn() -> None:
+    scene = linkdyn.load(EXAMPLES / "toggle_clamp" / "scene.toml")
+    assert scene.description["stops"] and scene.description["springs"] == []
+
+
 def test_a_pendulum_is_drawn_to_its_centre_of_mass():
     """It has no marker but its pivot: the picture was a point, and the interactive one the inside of a joint."""
     scene = linkdyn.Scene(Path(__file__).parents[1] / "scenes" / "ball_joint.toml")

@@ -152,6 +152,38 @@ def test_hexapod(browser, tmp_path):
     assert not page.complaints
 
 
+def test_springs_follow_their_ends(browser, tmp_path):
+    """Stretched from one marker to the other at each frame; what is wound round a hinge turns with its link."""
+    scene = linkdyn.load(EXAMPLES / "geared_fivebar" / "scene.toml")
+    run = scene.inverse()
+    page = browser.open(linkdyn.view(run, tmp_path / "spring.html").file, "still")
+    link = [entry["name"] for entry in scene.description["links"]].index("rod1")
+    at = next(entry["at"] for entry in scene.description["links"][link]["markers"] if entry["name"] == "C")
+    for frame in (0, 40):
+        page.value(f"{VIEW}.player.seek({frame})")
+        ends = page.value(f"""(item => [0, item.length].map(y => item.group.position.clone().set(0, y, 0).applyMatrix4(item.group.matrix).toArray()))
+            ({VIEW}.springs.stretched[0])""")
+        pose = scene.poses(run.q.values[frame])
+        np.testing.assert_allclose(ends[0][:2], [0.08, -0.12], atol=1e-5)
+        np.testing.assert_allclose(ends[1][:2], (pose.position[0, link - 1] + pose.rotation[0, link - 1] @ at)[:2], atol=1e-4)
+        assert page.value(f"{VIEW}.springs.stretched[0].group.visible")
+    assert "return" in page.value("[...root.querySelectorAll('.labels span')].map(s => s.textContent)")
+    assert not page.complaints
+
+
+def test_wheels_are_seen_before_plates_and_round(browser, tmp_path):
+    """The sun's rim through the arm's plate, and small discs before the large one that they turn in."""
+    page = browser.open(linkdyn.view(linkdyn.load(EXAMPLES / "planetary_gearbox" / "scene.toml").inverse(t=[0.0]), tmp_path / "gears.html").file)
+    names = page.value(f"{VIEW}.run.links.map(link => link.name)")
+    largest = f"""k => {VIEW}.links[k].children.filter(m => m.position.z > 0).map(m => {{ m.geometry.computeBoundingSphere(); return m; }})
+        .sort((a, b) => b.geometry.boundingSphere.radius - a.geometry.boundingSphere.radius)[0].position.z"""
+    rim, plate = page.value(f"[{names.index('sun')}, {names.index('arm')}].map({largest})")
+    assert rim > plate
+    discs = page.value(f"""{VIEW}.links.flatMap(group => group.children.filter(m => m.position.z < -0.002 * {VIEW}.run.extent)
+        .map(m => {{ m.geometry.computeBoundingSphere(); return [m.geometry.boundingSphere.radius, m.position.z]; }}))""")
+    assert len(discs) > 3 and [z for _, z in sorted(discs)] == sorted((z for _, z in discs), reverse=True)
+
+
 def test_excavator(browser, excavator, tmp_path):
     run = excavator.inverse()
     file = linkdyn.view(run, tmp_path / "arm.html", traces=("bucket.tip",), plots="joint_variable").file

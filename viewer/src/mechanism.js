@@ -8,16 +8,18 @@ const GEARED = ["gear", "rack", "belt"]; // hold no points together
 const OFF_AXIS = 0.06; // of a telescope's least length: farther away, a point is not on its axis
 
 export class Mechanism {
-  constructor({ links, joints, extent }) {
+  constructor({ links, joints, springs, extent }) {
     this.extent = extent;
     this.links = links.map((link) => ({
       ...link,
       markers: link.markers.map(({ name, at, axis, x }) => ({ name, at: vector(at), axis: vector(axis), x: vector(x) })),
     }));
-    const all = joints.map((joint) => ({
-      ...joint,
-      ends: joint.links.map((link, side) => ({ link, ...this.marker(link, joint.markers[side]) })),
-    }));
+    const withEnds = (part) => ({
+      ...part,
+      ends: part.links.map((link, side) => ({ link, ...this.marker(link, part.markers[side]) })),
+    });
+    const all = joints.map(withEnds);
+    this.springs = springs.map(withEnds);
     this.joints = all.filter((joint) => !isGeared(joint));
     this.gears = all.filter(isGeared);
     this.telescopes = this.joints

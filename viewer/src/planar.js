@@ -6,6 +6,8 @@ import { distinct, roundHull, vector } from "./shapes.js";
 const BAR = 0.0135; // half the width of a bar, of the mechanism's extent
 const EDGE = 0.2; // of that
 const LAYER = 1e-3; // distance of links in front of each other, of the extent
+const BEHIND = 0.07; // how far behind its rim a wheel's disc lies, of its radius; ways of points lie farther
+const ROUND = 64; // pieces of half a wheel's rim
 
 /** Groups of meshes in link axes, one a link; 0 is the frame. */
 export function drawPlanar(mechanism, palette) {
@@ -21,8 +23,8 @@ export function drawPlanar(mechanism, palette) {
   });
 }
 
-function flat(shape, material, z) {
-  const mesh = new THREE.Mesh(new THREE.ShapeGeometry(shape, 16), material);
+function flat(shape, material, z, segments = 16) {
+  const mesh = new THREE.Mesh(new THREE.ShapeGeometry(shape, segments), material);
   mesh.position.z = z;
   return mesh;
 }
@@ -70,21 +72,22 @@ function drawLink(group, mechanism, k, palette, unit, layer) {
   }
 }
 
-/** Pitch circles with a spoke, and the runs of belts. */
+/** Pitch circles with a spoke, before all links; their discs behind these, the smaller before the larger; and the runs of belts. */
 function drawWheels(group, mechanism, k, palette, unit, layer) {
   const colours = palette.link(k);
-  const z = (2 * k - 0.9) * layer;
+  const front = 2 * layer * mechanism.links.length;
+  const z = front - 0.8 * layer;
   for (const { at, x, radius } of mechanism.wheels(k)) {
+    const behind = -2 * layer - BEHIND * Math.min(radius, mechanism.extent);
     const ring = roundHull([at], radius + 0.14 * unit);
     ring.holes.push(roundHull([at], radius - 0.14 * unit));
     if (k !== 0) {
-      group.add(flat(roundHull([at], radius), colours.pale, z));
+      group.add(flat(roundHull([at], radius), colours.pale, behind, ROUND));
       const spoke = bar(at, at.clone().addScaledVector(x, radius), 0.14 * unit, 0);
       group.add(flat(spoke, colours.solid, z + 0.1 * layer));
     }
-    group.add(flat(ring, colours.solid, z + 0.2 * layer));
+    group.add(flat(ring, colours.solid, z + 0.2 * layer, ROUND));
   }
-  const front = 2 * layer * mechanism.links.length;
   for (const [from, to] of mechanism.belts(k)) group.add(flat(bar(from, to, 0.22 * unit, 0), palette.edge, front));
 }
 

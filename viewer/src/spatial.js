@@ -166,7 +166,7 @@ function drawThread(group, from, to, unit, material) {
 function drawWheels(group, mechanism, k, palette, unit) {
   const material = k === 0 ? palette.frame : palette.link(k).solid;
   for (const { at, axis, x, radius } of mechanism.wheels(k)) {
-    const ring = new THREE.Mesh(new THREE.TorusGeometry(radius, Math.min(0.7 * unit, 0.2 * radius), 12, 72), material);
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(radius, Math.min(0.7 * unit, 0.2 * radius), 12, 128), material);
     ring.position.copy(at);
     ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis.clone().normalize());
     group.add(ring);

@@ -11,6 +11,7 @@ import { drawPlanar } from "./planar.js";
 import { Player } from "./player.js";
 import { vector } from "./shapes.js";
 import { drawSpatial } from "./spatial.js";
+import { Springs } from "./springs.js";
 import { pointsOf, Stage } from "./stage.js";
 import style from "./style.css";
 import { preferredTheme, THEMES } from "./theme.js";
@@ -126,6 +127,7 @@ export class Viewer {
       ? drawPlanar(this.mechanism, palette)
       : drawSpatial(this.mechanism, palette, { up: this.stage.up, ground: this.run.ground });
     this.putMeshes(palette);
+    this.springs = new Springs(this.mechanism, this.links, palette, this.run.planar, (place) => this.placeOf(place));
     this.arrows = new Arrows(this.run, colours, (place) => this.placeOf(place));
     this.arrows.magnify = this.magnify;
     this.traces = drawTraces(
@@ -133,7 +135,7 @@ export class Viewer {
       (link) => palette.link(link).trace,
       (point, link, frame) => point.applyMatrix4(this.poseOf(link, frame)),
     );
-    scene.add(...this.links, this.traces, this.arrows.object);
+    scene.add(...this.links, this.springs.object, this.traces, this.arrows.object);
     for (const chart of this.charts) chart.recolour(theme, colours);
     this.applyShown();
   }
@@ -166,6 +168,7 @@ export class Viewer {
       groundLine: make(colours.frame),
       rod: make(colours.rod),
       joint: make(isDark ? "#aab3bd" : "#3a424b"),
+      spring: make(colours.spring),
       hatching: new THREE.LineBasicMaterial({ color: colours.frame }),
     };
   }
@@ -211,6 +214,7 @@ export class Viewer {
       link.matrix.copy(this.poseOf(k, frame));
       link.matrixWorldNeedsUpdate = true;
     });
+    this.springs.update();
     this.arrows.update(frame);
     for (const chart of this.charts) chart.update(frame);
     this.stage.request();

@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
+from .._geometry.springs import acts_along, ends_of, shape_of
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 from .names import Room, list_of, sampled
 from .style import COLOURS, FRAME_COLOUR
@@ -19,7 +20,7 @@ from .style import COLOURS, FRAME_COLOUR
 if TYPE_CHECKING:
     from .._geometry.postures import Posture
 
-__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "name_style", "tell_left_out", "unit_of"]
+__all__ = ["WIRE", "around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "name_style", "tell_left_out", "unit_of"]
 
 Points = NDArray[np.float64]
 
@@ -30,6 +31,8 @@ STRAIGHT = 1e-6
 """How far a slide may be from the line through both hinges, as a part of their distance, to be a cylinder."""
 PLATE: dict[str, Any] = {"boxstyle": "square,pad=0.05", "facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": "none"}
 """Names can be read where they have to stand on lines."""
+WIRE = "#3a424b"
+"""Colour of springs and dampers."""
 SOLID = "solid"
 """Mark of the patches on which no name may stand."""
 
@@ -62,6 +65,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
         _draw_cylinder(ax, cylinder, unit)
     _draw_wheels(ax, posture, unit)
     _draw_cams(ax, posture, unit)
+    _draw_springs(ax, posture, unit)
     told = [cylinder.joint["name"] for cylinder in cylinders]
     for joint in joints:
         if joint["type"] == "prismatic" and joint["name"] not in told:
@@ -135,7 +139,7 @@ def _draw_cylinder(ax: Axes, cylinder: _Cylinder, unit: float) -> None:
 def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
     """Pitch circles with a spoke that turns along, pitch lines of racks, belts."""
     dash: dict[str, Any] = {"linestyle": (0, (9, 2, 1.5, 2)), "linewidth": 1.1}
-    for link, marker, radius in wheels(posture.scene.description):
+    for link, marker, radius in sorted(wheels(posture.scene.description), key=lambda wheel: -wheel[2]):     # the smaller in front
         circle = rim(*frame_of(posture, link, marker), radius)[:, :2]
         colour = link_colour(link)
         if link != 0:
@@ -172,6 +176,40 @@ def _draw_cams(ax: Axes, posture: Posture, unit: float) -> None:
             ax.plot(*point, "o", markersize=5.0, markerfacecolor="white", markeredgecolor="0.1", zorder=6)
         if joint["follower"] == "flat":
             ax.plot(*face(posture, joint)[:, :2].T, color=second, linewidth=3.0, solid_capstyle="butt", zorder=3.2)
+
+
+def _draw_springs(ax: Axes, posture: Posture, unit: float) -> None:
+    """Zigzags of wire over barrels and rods, between pins."""
+    wire: dict[str, Any] = {"solid_joinstyle": "round", "solid_capstyle": "round"}
+    for spring in posture.scene.description["springs"]:
+        shape = shape_of(posture, spring, unit)
+        if shape is None:
+            continue
+        for line in shape.barrel:
+            ax.plot(*line[:, :2].T, color=WIRE, linewidth=5.0, solid_capstyle="butt", zorder=4.6)
+            ax.plot(*line[:, :2].T, color=lighter(WIRE, 0.3), linewidth=3.0, solid_capstyle="butt", zorder=4.61)
+        for line in shape.rod:
+            ax.plot(*line[:, :2].T, color=WIRE, linewidth=1.6, zorder=4.6)
+        for line in shape.coil:
+            ax.plot(*line[:, :2].T, color="white", linewidth=2.6, zorder=4.7, **wire)
+            ax.plot(*line[:, :2].T, color=WIRE, linewidth=1.3, zorder=4.8, **wire)
+        if acts_along(spring):
+            ends = ends_of(posture, spring)[:, :2]
+            ax.plot(*ends.T, "o", color=WIRE, markersize=3.5, zorder=5)
+            _hold_spring(ax, posture, spring, ends, unit)
+
+
+def _hold_spring(ax: Axes, posture: Posture, spring: dict[str, Any], ends: Points, unit: float) -> None:
+    """Ground at the frame's end, if no joint stands there."""
+    if 0 not in spring["links"]:
+        return
+    side = spring["links"].index(0)
+    if spring["markers"][side] in jointed(posture, 0):
+        return
+    away = ends[side] - ends[1 - side]
+    away /= np.linalg.norm(away)
+    along = unit * 1.4 * np.array([-away[1], away[0]])
+    _hatch(ax, ends[side] - along, ends[side] + along, away, unit)
 
 
 def unit_of(ax: Axes) -> float:
@@ -326,6 +364,8 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
     for place, names in gathered.items():
         anchors.append((list_of(names), 0.2 * unit * np.array(place), "0.1", False))
     anchors += [(name, place, "0.1", True) for name, place in told.items()]
+    springs = (spring for spring in posture.scene.description["springs"] if acts_along(spring) and shape_of(posture, spring, unit))
+    anchors += [(spring["name"], ends_of(posture, spring)[:, :2].mean(axis=0), WIRE, False) for spring in springs]
     for k, markers in enumerate(posture.markers[1:], start=1):
         if k in hidden or not markers:
             continue

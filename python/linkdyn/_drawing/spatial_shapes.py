@@ -12,9 +12,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
+from .._geometry.springs import acts_along, ends_of, shape_of
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
 from .names import Room, list_of, sampled
-from .planar_shapes import around, distinct, jointed, lighter, link_colour, name_style, tell_left_out
+from .planar_shapes import WIRE, around, distinct, jointed, lighter, link_colour, name_style, tell_left_out
 from .spatial_axes import SpatialAxes, outline
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ FAR_RINGS = (4.5, 6.5, 9.0)
 LEADER = {"arrowstyle": "-", "color": "0.4", "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 3.0}
 LED = 1.8
 """From so far on, in units, a leader is drawn."""
+UNIT = 0.018
+"""What springs are made of, as a part of the largest extent."""
 SLIDING = ("prismatic", "cylindrical", "screw")
 """Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
 
@@ -60,6 +63,7 @@ def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float
         _draw_link(ax, markers, jointed(posture, k), link_colour(k))
     _draw_wheels(ax, posture)
     _draw_cams(ax, posture)
+    _draw_springs(ax, posture)
     listed: set[str] = set()
     for joint in joints:
         if is_geared(joint) or is_cam(joint):
@@ -151,6 +155,23 @@ def _draw_cams(ax: Axes3D, posture: Posture) -> None:
             ax.add_collection3d(Poly3DCollection([face(posture, joint)], facecolor=(*lighter(second, 0.35), 0.7), edgecolor=second, linewidth=1.3))
 
 
+def _draw_springs(ax: Axes3D, posture: Posture) -> None:
+    """Coils round barrels and rods."""
+    unit = _unit_of(ax)
+    for spring in posture.scene.description["springs"]:
+        shape = shape_of(posture, spring, unit)
+        if shape is None:
+            continue
+        for lines, width, colour in ((shape.barrel, 3.6, lighter(WIRE, 0.6)), (shape.rod, 1.5, WIRE), (shape.coil, 1.2, WIRE)):
+            for line in lines:
+                ax.plot(*line.T, color=colour, linewidth=width, solid_capstyle="butt")
+
+
+def _unit_of(ax: Axes3D) -> float:
+    """A length that springs are made of [m]."""
+    return float(UNIT * max(np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())))
+
+
 def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:
     """The plane that a planar joint slides on, as large as its travel and a little more."""
     link, name = joint["links"][0], joint["markers"][0]
@@ -191,7 +212,7 @@ def _write_names(ax: Axes3D, posture: Posture) -> None:
     for artist in (ax.get_legend(), *(text for axis in (ax.xaxis, ax.yaxis, ax.zaxis) for text in axis.get_ticklabels())):
         _take(room, artist)
     n_left = 0
-    for text, point, colour, is_link in _labels(posture):
+    for text, point, colour, is_link in _labels(posture, _unit_of(ax)):
         name = _Name(text, point, fontsize=FONT, zorder=20, path_effects=[HALO], parse_math=False, **name_style(colour, is_link))
         ax.add_artist(name)
         half = 0.5 * np.array(Text.get_window_extent(name).size) + 0.1 * unit
@@ -234,7 +255,7 @@ def _on_chain(posture: Posture, name: str, middle: Points) -> Points:
     return nearest
 
 
-def _labels(posture: Posture) -> list[tuple[str, Points, str, bool]]:
+def _labels(posture: Posture, unit: float) -> list[tuple[str, Points, str, bool]]:
     """Names, where they belong, their colours and whether they are links'; of a chain the part before the dot, once."""
     description = posture.scene.description
     chains: dict[str, list[Points]] = {}
@@ -253,4 +274,6 @@ def _labels(posture: Posture) -> list[tuple[str, Points, str, bool]]:
         if "." not in link["name"] and markers and link["name"] not in chains:
             corners = distinct(np.array([markers[name] for name in jointed(posture, k) or markers]))
             labels.append((link["name"], corners.mean(axis=0), link_colour(k), True))
+    springs = (spring for spring in description["springs"] if acts_along(spring) and shape_of(posture, spring, unit))
+    labels += [(spring["name"], ends_of(posture, spring).mean(axis=0), WIRE, False) for spring in springs]
     return labels

@@ -38,7 +38,7 @@ def wheels(description: dict[str, Any]) -> list[Wheel]:
     return list(dict.fromkeys(found))
 
 
-def rim(centre: Points, axis: Points, x: Points, radius: float, n: int = 60) -> Points:
+def rim(centre: Points, axis: Points, x: Points, radius: float, n: int = 121) -> Points:
     """(..., n, 3) points round a circle, the first in the direction x."""
     y = np.cross(axis, x)
     angles = np.linspace(0, 2 * np.pi, n)

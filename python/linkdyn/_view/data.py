@@ -14,6 +14,7 @@ from .._drawing.forces import Forces, find_forces
 from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
+from .._geometry.springs import acts_along
 from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
@@ -131,6 +132,7 @@ def describe(
         "palette": COLOURS[:-1],
         "links": [link | {"markers": seen_markers(scene, k)} for k, link in enumerate(scene.description["links"])],
         "joints": [_joint(joint, postures, held) for joint in scene.description["joints"]],
+        "springs": scene.description["springs"],
         "arrows": [_arrows(item, k, kept, block) for k, item in enumerate(find_forces(run, postures))],
         "traces": [_trace(scene, link, marker) for link, marker in _traced(scene, postures, held, extent, traces)],
         "meshes": [_mesh(scene, link, file, unit, block) for link, (file, unit) in (meshes or {}).items()],
@@ -271,6 +273,8 @@ def _names(scene: Scene, postures: Postures, sample: int, extent: float) -> list
             texts.append(text)
         places.append([link, *_marker(scene, link, marker)])
     found: list[list[Any]] = [[", ".join(texts), False, *places] for texts, places in gathered.values()] + geared
+    for spring in filter(acts_along, scene.description["springs"]):
+        found.append([spring["name"], False, *([link, *_marker(scene, link, marker)] for link, marker in zip(spring["links"], spring["markers"]))])
     for k, link_entry in enumerate(scene.description["links"]):
         if k > 0 and "." not in link_entry["name"] and link_entry["markers"]:
             found.append([link_entry["name"], True, *([k, *marker["at"]] for marker in link_entry["markers"])])
