@@ -31,7 +31,7 @@ def seeds() -> tuple[Seed, ...]:
     """All of them, in an order that does not depend on the machine."""
     found = []
     for file in sorted((*ROOT.glob("examples/*/scene*.toml"), *ROOT.glob("benchmarks/scenes/*.toml"), *ROOT.glob("tests/scenes/*.toml"),
-                        *ROOT.glob("python/linkdyn/_scenes/*.toml"))):
+                        *ROOT.glob("tests/assemblies/*.toml"), *ROOT.glob("python/linkdyn/_scenes/*.toml"))):
         tables = {table.name: table.read_bytes() for table in sorted(file.parent.glob("*.csv")) if table.stat().st_size < LARGEST}
         text = file.read_bytes()
         try:

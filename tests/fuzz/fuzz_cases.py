@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import csv
+import os
 import random
 import signal
 import tempfile
@@ -29,6 +30,10 @@ METHODS = ("rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4")
 WANTS = ("driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance", "all")
 LONG = 20_000
 """Samples of a motion that are too many for one case."""
+ENDLESS = "interrupted in: "
+"""Said of the call that was at work for too long."""
+MAY_BE_LONG = ("forward", "sweep", "ensemble")
+"""Calls that a change of a scene can make as long as it likes; who makes others waits for nothing."""
 DONE, BAD_INPUT, SAMPLES_FAILED, INTERRUPTED = 0, 2, 3, 130
 
 
@@ -88,6 +93,8 @@ def run_case(number: int) -> Report:
     found = [finding.what for finding in report.findings]
     if outcome.is_deaf:
         found.append("does not hear an interrupt, or hangs")
+    elif outcome.is_interrupted and (endless := [line for line in outcome.errors.splitlines() if line.startswith(ENDLESS)]):
+        found += [f"at work for too long: {line.removeprefix(ENDLESS)}" for line in endless]
     elif outcome.is_interrupted and outcome.status == -signal.SIGINT:
         pass  # a sweep ends by the signal itself, which a shell shows as 130
     elif outcome.status < 0:
@@ -135,6 +142,10 @@ class Calls:
         self.report.calls += 1
         try:
             value = function()
+        except KeyboardInterrupt:
+            if not says.startswith(MAY_BE_LONG):
+                os.write(2, f"{ENDLESS}{says}\n".encode(errors="replace"))
+            raise
         except Exception as error:  # noqa: BLE001 (raw exceptions are what is looked for)
             self.blame(says, oracle.raised(error))
             self.report.messages.append(f"{type(error).__name__}: {error}")

@@ -1,7 +1,7 @@
 """A call in a process of its own, so that a crash or an endless loop is a finding and not the end of the search.
 
 Limits are of computing time, not of the clock, so that they mean the same on a busy machine. After `ENOUGH` seconds the
-process gets what Ctrl-C sends; it may be at work for as long as it likes, but has to hear that within `HEARS` more.
+process gets what Ctrl-C sends; a run or a sweep may be at work for as long as it likes, but has to hear that within `HEARS` more.
 """
 
 from __future__ import annotations
