@@ -218,6 +218,8 @@ contains
                     return
                 end select
             end associate
+            if (config%output(dot:) == ".parquet") &
+                call refuse(quoted(config%output)//not_written//".nc; in Python, run.linkdyn.to_parquet)")
             if (any(config%output(dot:) == foreign_ending)) &
                 call refuse(quoted(config%output)//not_written//".nc, or .csv for a spreadsheet)")
             if (config%output(dot:) == ".csv") config%csv = .true.

@@ -10,7 +10,7 @@ program main
     character(len=1024) :: file
     integer :: code
 
-    if (command_argument_count() /= 1) error stop "usage: main SCENE"
+    if (command_argument_count() /= 1) call give_up("usage: main SCENE")
     call get_command_argument(1, file)
     call scene%open_file(file, code)
     call check(code)
@@ -26,9 +26,16 @@ contains
         integer, intent(in) :: code
 
         if (code == linkdyn_ok) return
-        write (error_unit, "(a)") linkdyn_message()
-        error stop 1, quiet=.true.
+        call give_up(linkdyn_message())
     end subroutine check
+
+    !> One line; `error stop` would write where in the program that is, besides.
+    subroutine give_up(why)
+        character(len=*), intent(in) :: why
+
+        write (error_unit, "(a)") why
+        stop 1, quiet=.true.
+    end subroutine give_up
 
     !> The largest force in each joint over 4 s.
     subroutine find_largest_reactions()

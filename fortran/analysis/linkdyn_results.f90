@@ -593,9 +593,9 @@ contains
             end do
             if (of%size == 0 .or. .not. is_told) return
             call add(layout, result_clutch_force, "clutch_force", &
-                "force or torque of the clutch at its joint, up along the joint variable", of=[dim_clutch], units=of%unit)
+                "force or torque of the clutch, up along what it lets slip", of=[dim_clutch], units=of%unit)
             call add(layout, result_clutch_slip, "clutch_slip", &
-                "rate of the joint variable, less the ratio times that of the other one", of=[dim_clutch], &
+                "rate at which the clutch slips", of=[dim_clutch], &
                 units=scene%clutch%slip_unit)
             call add(layout, result_clutch_state, "clutch_state", "what the clutch does", "1", of=[dim_clutch], &
                 flag=[character(len=label_len) :: "open", "slips", "holds"])

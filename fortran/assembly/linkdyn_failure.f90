@@ -10,6 +10,7 @@ module linkdyn_failure
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
     use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_rrr, is_dyad, is_length, side_of, by_nothing
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
         sample_locked
@@ -53,6 +54,9 @@ contains
                    //" has no direction, its ends coincide"
         else if (status == sample_undefined .and. law_without_value(model, state, lane) > 0) then
             text = trouble_of_law(model, state, lane, law_without_value(model, state, lane))
+        else if (status == sample_undefined .and. payload_below_zero(model, state, lane) > 0) then
+            text = "payload on "//quoted(model%scene%payload(payload_below_zero(model, state, lane))%name) &
+                   //" has a mass below zero"
         else if (status == sample_undefined) then
             text = "a force is beyond all numbers"
         else if (status == sample_singular) then
@@ -81,6 +85,20 @@ contains
         text = "joint "//quoted(model%joint(model%contact(contact)%joint)%name) &
                //" locks: its friction grows with the forces that it takes to overcome it, without end"
     end function lock_in_words
+
+    !> The first payload whose law of its mass has no value at the instant of a lane; 0: there is none.
+    integer function payload_below_zero(model, state, lane) result(k)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: lane
+        real(wp) :: mass(size(model%scene%payload), 1)
+
+        call evaluate_payloads(model, [state%time(lane)], mass)
+        do k = 1, size(mass, 1)
+            if (.not. mass(k, 1) >= 0) return
+        end do
+        k = 0
+    end function payload_below_zero
 
     !> The first law over the state that has no value on a lane; 0: there is none.
     integer function law_without_value(model, state, lane) result(k)

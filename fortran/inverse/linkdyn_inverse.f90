@@ -438,7 +438,7 @@ contains
         integer :: sample
 
         sample = findloc(results%status(:size(motion%q, 2)), sample_undefined, dim=1)
-        if (sample == 0 .or. size(model%scene%laws%law) + size(model%scene%spring) == 0) return
+        if (sample == 0 .or. size(model%scene%laws%law) + size(model%scene%spring) + size(model%scene%payload) == 0) return
         call prepare_kinematics(model, 0, state)
         state%q = spread(motion%q(:, sample), 1, lanes)
         state%qd = spread(motion%qd(:, sample), 1, lanes)

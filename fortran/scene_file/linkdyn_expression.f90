@@ -542,7 +542,7 @@ contains
         found = argument(2)
         if (any(argument(2)%power /= argument(3)%power)) then
             call fail(reader, "has if between "//dimension_text(argument(2)%power)//" and "// &
-                dimension_text(argument(3)%power)//" (expected two of a kind)")
+                dimension_text(argument(3)%power)//" (expected two of a kind"//unit_of_zero(argument(2:3))//")")
             return
         end if
         found%has_unit = argument(2)%has_unit .or. argument(3)%has_unit
@@ -584,6 +584,21 @@ contains
         call add_node(reader%formula, formula_node(op(findloc(of_op == name, .true., dim=1)), a=first, b=second))
         found%node = reader%formula%n
     end subroutine apply_to_formula
+
+    !> A zero wants the unit of what it stands beside.
+    function unit_of_zero(branch) result(text)
+        type(measured_value), intent(in) :: branch(2)
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (any(is_plain(branch) .and. branch%node == 0 .and. branch%value == 0)) text = "; a zero has a unit, too: 0 N, 0 N m"
+    end function unit_of_zero
+
+    elemental logical function is_plain(x)
+        type(measured_value), intent(in) :: x
+
+        is_plain = all(x%power == 0)
+    end function is_plain
 
     subroutine apply(reader, name, x, y, found)
         type(reader_type), intent(inout) :: reader
@@ -702,6 +717,8 @@ contains
             reader%next = reader%next + 1
         else if (next_letter(reader) == "") then
             call fail(reader, "ends without "//quoted(letter))
+        else if (scan(next_letter(reader), "<>=") == 1) then
+            call fail(reader, "has "//quoted(rest_of(reader))//", a comparison (if(x - y, a, b) is a where x is above y, else b)")
         else
             call fail(reader, "has "//quoted(rest_of(reader))//" where "//quoted(letter)//" is expected")
         end if

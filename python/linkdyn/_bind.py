@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -57,7 +58,7 @@ def use_code(name: str | None) -> None:
     ----------
     name
         ``"avx512"``, ``"avx2"``, ``"scalar"`` or ``"interpreter"``; code that the processor does not run is replaced by the best
-        that it does. None: what the environment variable ``LINKDYN_CODE`` says, else the best.
+        that it does, which a warning says. None: what the environment variable ``LINKDYN_CODE`` says, else the best.
 
     Raises
     ------
@@ -69,6 +70,8 @@ def use_code(name: str | None) -> None:
     code_in_use
     """
     check(*_api.api_choose_code("" if name is None else as_name("code", name) or " "))
+    if name is not None and (runs := code_in_use()) != name:
+        warnings.warn(f"code: {name!r} does not run here, kernels are made of {runs}", stacklevel=2)
 
 
 def code_in_use() -> str:

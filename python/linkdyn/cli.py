@@ -10,6 +10,12 @@ from pathlib import Path
 
 __all__ = ["executable", "main", "quadruple_twin"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 PROGRAMS = Path(__file__).parent / "_bin"
 WITH_SHEET = ("inverse", "forward", "sweep")
 """Commands whose results a sheet can be drawn of."""

@@ -16,3 +16,9 @@ from ._geometry.marker_motion import marker, relative_pose
 __all__ = [
     "bearing_life", "contributions", "cylinder", "duty_cycle", "energy", "flywheel", "marker", "motor", "plain_bearing", "relative_pose", "shaking", "shares",
 ]
+
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+

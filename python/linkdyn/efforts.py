@@ -17,6 +17,11 @@ from ._words import Law, Quantity, Table, table_of
 __all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "valve", "voltage"]
 
 
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 def inverse() -> Table:
     """What inverse dynamics of the motion asks for: the default."""
     return _effort("inverse", {})

@@ -7,6 +7,12 @@ from typing import Any
 
 __all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "MissingFileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 LONGEST = 200
 """Characters of another package's message that one quotes."""
 

@@ -19,6 +19,11 @@ from ._words import Quantity, Table, table_of
 __all__ = ["constant", "constant_rate", "cycloidal", "cycloidal_start", "harmonic", "polynomial_345", "table"]
 
 
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 def constant(value: Quantity) -> Table:
     """It stays.
 

@@ -73,6 +73,12 @@ __all__ = [
     "FD_S_COUPLER_POINT",
 ]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 _api: Any = _engine.linkdyn_f2py_lecture  # called with lists of packed arguments, whose number a type does not say
 
 Floats = NDArray[np.float64]

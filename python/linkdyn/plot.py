@@ -44,6 +44,12 @@ __all__ = [
     "workspace",
 ]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 scene3d = mechanism
 
 

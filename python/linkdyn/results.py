@@ -28,6 +28,12 @@ __all__ = [
     "FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "instants_of", "need_result", "read", "result_shapes", "run_attributes", "with_instants",
 ]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
 ANEW = 2

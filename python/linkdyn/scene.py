@@ -41,6 +41,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Scene", "Poses", "load"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
 RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25

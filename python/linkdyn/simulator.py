@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["Simulator", "SimulatorState"]
 
 
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 class SimulatorState:
     """Where a simulator has stood, and all that it remembered there: see `Simulator.state`.
 

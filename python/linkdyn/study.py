@@ -16,6 +16,12 @@ from .errors import LinkdynError
 
 __all__ = ["run_study"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 AGAINST = "  errors against the "
 """Begins the line of the report that says what errors are measured against."""
 FAILED = 1e30

@@ -15,6 +15,12 @@ from .results import run_attributes
 
 __all__ = ["run_sweep"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 MOST_READ = 1 << 20
 """Kept samples read from their file at a time."""
 

@@ -21,6 +21,12 @@ from .scene import Scene
 
 __all__ = ["Live"]
 
+
+def __dir__() -> list[str]:
+    """What there is for users; what it is made of is not listed."""
+    return sorted(__all__)
+
+
 TURN, REACH = math.pi, 0.25
 """To each side of the start a slider goes so far without a motion to tell: [rad], and part of the links' largest size."""
 

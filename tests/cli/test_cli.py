@@ -252,6 +252,7 @@ def test_version_and_help():
         (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
         (["inverse", "SCENE", "--out", "run.nc"], ["'--out'", "unknown option; did you mean '--output'?"]),
         (["inverse", "SCENE", "-o", "run.xlsx"], ["'run.xlsx'", "expected .nc, or .csv for a spreadsheet"]),
+        (["inverse", "SCENE", "-o", "run.parquet"], ["'run.parquet'", "expected .nc; in Python, run.linkdyn.to_parquet)"]),
         (["--version", "--csv"], ["'--csv'"]),
         (["inverse", "SCENE", "-o", "a.nc", "--output=b.nc"], ["--output", "given twice"]),
         (["inverse", "SCENE", "-o", "--csv"], ["-o", "value missing"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import linkdyn
@@ -65,6 +66,15 @@ def test_fortran_example(compiled: Compiled, largest: np.ndarray, energy: float)
     printed = compiled("gfortran", EXAMPLES / "library_fortran" / "main.f90", "-Wall", "-Werror")(SCENE)
     np.testing.assert_allclose(numbers_of(printed, r"^J\d +(\S+) N"), largest, rtol=1e-8)
     np.testing.assert_allclose(numbers_of(printed, r"energy at 2 s: +(\S+) J"), [energy] * 2, rtol=1e-7)
+
+
+def test_fortran_example_without_its_file_says_so_in_a_line(compiled: Compiled, tmp_path: Path) -> None:
+    """Where in the program it ended stood there, too."""
+    program = compiled("gfortran", EXAMPLES / "library_fortran" / "main.f90", "-Wall", "-Werror")
+    with pytest.raises(AssertionError) as caught:
+        program(tmp_path / "none.toml")
+    told = list(takewhile(str.strip, str(caught.value).splitlines()[1:]))     # then pytest has its say
+    assert len(told) == 1 and "none.toml" in told[0]
 
 
 # ------------------------------------------------------------------------------------------------ what is promised

@@ -813,3 +813,10 @@ def test_members_stick_by_their_reactions():
         sim.step(0.05)
     np.testing.assert_allclose(sim.q, members.q.values[2, -1], rtol=1e-9)
     assert sim.qd[0] == 0
+
+
+def test_results_of_clutches_are_told_of_what_slips() -> None:
+    """Clutches that hold two markers, or bodies that stick, have no joint variable."""
+    run = linkdyn.load(Path(__file__).parents[2] / "examples" / "capture" / "scene.toml").forward(t=[0.0, 0.1])
+    for name in ("clutch_force", "clutch_slip"):
+        assert "joint" not in run[name].attrs["long_name"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import linkdyn
-from linkdyn import cli
+from linkdyn import _bind, cli
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ["examples/fourbar/scene.toml", "examples/stewart_drilling/scene.toml", "examples/rcsp_start/scene.toml",
@@ -44,7 +45,9 @@ def run_cli(*words: str, environment: dict[str, str] | None = None) -> subproces
 def test_all_code_gives_the_same_bits(name: str) -> None:
     found = {}
     for code in CODES:
-        linkdyn.use_code(code)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")     # of code that this processor does not run
+            linkdyn.use_code(code)
         found[code] = linkdyn.load(ROOT / name).inverse()
     for code in CODES[1:]:
         for variable, want in found["interpreter"].data_vars.items():
@@ -69,6 +72,18 @@ def test_results_tell_the_code() -> None:
 def test_unknown_code_is_refused_by_name(name: str) -> None:
     with pytest.raises(linkdyn.InputError, match="expected interpreter, scalar, avx2 or avx512"):
         linkdyn.use_code(name)
+
+
+def test_code_that_does_not_run_here_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Silently, other code ran."""
+    monkeypatch.setattr(_bind, "code_in_use", lambda: "interpreter (no machine code for this processor)")
+    with pytest.warns(UserWarning, match="code: 'avx512' does not run here, kernels are made of interpreter \\(no machine code"):
+        linkdyn.use_code("avx512")
+    monkeypatch.undo()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        linkdyn.use_code("interpreter")
+        linkdyn.use_code(None)
 
 
 def test_what_is_no_name_is_refused_as_code() -> None:

@@ -350,3 +350,12 @@ def test_kinematics_code_of_a_moving_frame(make: Any, tmp_path: Path) -> None:
     status, found = compiled(q=q[0], qd=qd[0])
     assert status == 0
     assert np.abs(found["position"] - mechanism.poses(q).position[0][:, : found["position"].shape[-1]]).max() < 1e-9
+
+
+def test_a_mass_below_zero_is_named() -> None:
+    """Where the law of a payload's mass falls below zero there are no forces, and it is said whose mass that is."""
+    scene = four(mass={"law": "constant-rate", "start": 1.0, "rate": -2.0})
+    scene["time"] = {"end": 1.0, "samples": 11}
+    run = linkdyn.Scene(scene).inverse()
+    assert run.status.values[:5].tolist() == [0] * 5 and (run.status.values[6:] == 4).all()
+    assert run.attrs["failure"].endswith("payload on 'coupler.hold' has a mass below zero")

@@ -6,6 +6,7 @@ import ctypes
 import gc
 import os
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -493,3 +494,10 @@ def test_more_laws_than_coordinates_and_loads():
     still = arm([0.0, 0.0, 0.0], [2.0, 1.0, 1.5]).driving_force
     both = arm([0.3, 0.2, 0.0], [2.0, 1.0, 1.5]).driving_force
     np.testing.assert_allclose(both - still, sum(one - still for one in alone), atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["cycle", "efforts", "errors", "laws", "lecture", "plot", "results", "scene", "simulator", "study", "sweep"])
+def test_modules_list_what_there_is_for_users(name: str) -> None:
+    """Not what they import."""
+    module = import_module(f"linkdyn.{name}")
+    assert dir(module) == sorted(module.__all__)

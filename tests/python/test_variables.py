@@ -235,6 +235,9 @@ def test_bad_variables_are_refused_in_one_line(variables, fragment, tmp_path):
         (("variables",), [1], "this is a list (expected a table of names"),
         (("variables",), {}, "'-g' has the unknown name 'g'"),
         (("link", 0, "mass"), "2*mas", "unknown name 'mas'"),
+        (("link", 0, "mass"), "if(1, 400 kg, 0)", "has if between a mass and a plain number (expected two of a kind; a zero has a unit, too: 0 N, 0 N m)"),
+        (("link", 0, "mass"), "if(1, 400 kg, 2)", "has if between a mass and a plain number (expected two of a kind)"),
+        (("link", 0, "mass"), "if(r > 1 m, 400 kg, 0 kg)", "a comparison (if(x - y, a, b) is a where x is above y, else b)"),
         (("link", 0, "mass"), "max(1 kg, 2)", "has max of a mass and a plain number (expected two of a kind)"),
     ],
 )
