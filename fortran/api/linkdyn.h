@@ -130,7 +130,7 @@ int linkdyn_evaluate_motion(linkdyn_scene *scene, size_t n, const double *t, siz
                    size_t n_load, double *load);
 
 /* Driving forces, reactions, ... of a motion. Input as linkdyn_evaluate_motion() gives it.
- * settings: NULL for those described.  results: n_result of them.  status: (n). */
+ * settings: NULL for those described.  results: n_result of them, each name once.  status: (n). */
 int linkdyn_compute_inverse(linkdyn_scene *scene, const linkdyn_inverse_settings *settings, size_t n, size_t n_coordinate,
                     const double *q, const double *qd, const double *qdd, size_t n_load, const double *load,
                     size_t n_result, const linkdyn_result *results, int *status);

@@ -765,6 +765,10 @@ contains
             if (.not. status%is_ok()) return
             call see_result(room_name(place), wanted(i), room_width(scene%model, room_id(place)), n, values, status)
             if (.not. status%is_ok()) return
+            if (associated(room(place)%real) .or. (room_id(place) == result_assembly .and. associated(assembly))) &
+                call fail(status, status_bad_input, "result "//quoted(trim(room_name(place)))// &
+                          " is asked for twice (expected each result once)")
+            if (.not. status%is_ok()) return
             if (room_id(place) == result_assembly) then
                 assembly => values
             else

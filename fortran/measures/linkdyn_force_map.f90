@@ -101,6 +101,14 @@ contains
         end do
     end function pose_coordinates
 
+    !> Do coordinates give the pose of a link, in a plane or in space?
+    pure logical function is_posed(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+
+        is_posed = any(model%step%kind == step_pose .and. model%step%link(1) == link)
+    end function is_posed
+
     !> A length to compare turning with moving: the largest distance of a joint from the origin of a link whose pose is
     !> given, such as a platform; else of any joint from the origin of any link.
     pure real(wp) function typical_length(model) result(length)
@@ -114,7 +122,7 @@ contains
                     associate (link => model%joint(j)%link(side))
                         if (pass == 1 .and. link == 0) cycle
                         if (pass == 1) then
-                            if (all(pose_coordinates(model, link) == 0)) cycle
+                            if (.not. is_posed(model, link)) cycle
                         end if
                     end associate
                     length = max(length, norm2(model%joint(j)%point(:, side)))

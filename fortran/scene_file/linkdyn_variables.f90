@@ -86,31 +86,40 @@ contains
     pure logical function mentions_symbol(self, text)
         class(variable_table), intent(in) :: self
         character(len=*), intent(in) :: text
+
+        mentions_symbol = symbol_in(self, text, .false.) > 0
+    end function mentions_symbol
+
+    !> The first symbol whose name stands in a text, or the first of those that share it with a variable; 0: none.
+    pure integer function symbol_in(self, text, is_shared) result(symbol)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: text
+        logical, intent(in) :: is_shared
         integer :: first, n
 
-        mentions_symbol = .false.
+        symbol = 0
+        if (.not. allocated(self%symbol)) return
         first = 1
         do while (first <= len(text))
             n = verify(text(first:)//" ", name_letters) - 1
-            if (n > 0) then
-                if (scan(text(first:first), "0123456789") == 0) mentions_symbol = symbol_index(self, text(first:first + n - 1)) > 0
-                if (mentions_symbol) return
+            if (n > 0 .and. scan(text(first:first), "0123456789") == 0) then
+                associate (name => text(first:first + n - 1))
+                    if (.not. is_shared .or. index_of(self, name) > 0) symbol = findloc(self%symbol%name, name, dim=1)
+                end associate
+                if (symbol > 0) return
             end if
             first = first + max(1, n)
         end do
-    end function mentions_symbol
+    end function symbol_in
 
     !> Variables go before symbols.
     pure integer function symbol_index(self, name)
         class(variable_table), intent(in) :: self
         character(len=*), intent(in) :: name
-        integer :: i
 
         symbol_index = 0
         if (.not. allocated(self%symbol) .or. index_of(self, name) > 0) return
-        do i = 1, size(self%symbol)
-            if (self%symbol(i)%name == name) symbol_index = i
-        end do
+        symbol_index = findloc(self%symbol%name, name, dim=1)
     end function symbol_index
 
     logical function has_variable(self, name) result(has)
@@ -251,9 +260,16 @@ contains
         type(measured_value), intent(out) :: found      !! its node is 0 if no symbol is left: `if(1, 2, x)`
         type(formula_type), intent(out) :: formula
         character(len=:), allocatable, intent(out) :: problem
+        integer :: shared
 
-        variables%sees_symbols = .true.
         variables%culprit = 0
+        shared = symbol_in(variables, text, .true.)
+        if (shared > 0) then
+            problem = quoted(text)//" names "//quoted(trim(variables%symbol(shared)%name))// &
+                ", which has a meaning in formulas and is a variable, too: the variable wants another name"
+            return
+        end if
+        variables%sees_symbols = .true.
         call evaluate_expression(text, variables, 0, found, problem, formula)
         variables%sees_symbols = .false.
     end subroutine formula_of_text
@@ -292,10 +308,30 @@ contains
             behind = adjustl(text)
             behind = adjustl(behind(verify(behind//"?", "+-.0123456789eE"):))
             is_plain = .not. variables%has_unit_names .or. scan(behind(:min(1, len(behind))), "*/") == 0
+            is_plain = is_plain .and. .not. takes_off(text)
         else
             is_plain = len_trim(text) == 0
         end if
     end subroutine read_plain
+
+    !> "3 m-1 m" would do for a unit, too, m^-1 m. Where quantities alike stand on both sides of a minus it takes off.
+    pure logical function takes_off(text)
+        character(len=*), intent(in) :: text
+        real(wp) :: value
+        logical :: has_unit(2)
+        integer :: power(n_dimension, 2), i, length
+        character(len=:), allocatable :: problem, other
+
+        takes_off = .false.
+        do i = 2, len(text)
+            if (text(i:i) /= "-") cycle
+            length = index(text(i + 1:)//"-", "-") - 1
+            call read_value(text(:i - 1), value, has_unit(1), power(:, 1), problem)
+            call read_value(text(i + 1:i + length), value, has_unit(2), power(:, 2), other)
+            takes_off = problem == "" .and. other == "" .and. all(has_unit) .and. all(power(:, 1) == power(:, 2))
+            if (takes_off) return
+        end do
+    end function takes_off
 
     pure integer function index_of(self, name)
         class(variable_table), intent(in) :: self

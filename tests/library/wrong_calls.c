@@ -112,6 +112,11 @@ int main(int n_argument, char **argument)
     wanted.name = "driving_farce";
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 2, load, 1, &wanted, status), "did you mean");
     wanted.name = "driving_force";
+    {
+        double other[1];
+        const linkdyn_result twice[] = {wanted, {"driving_force", other, 1}};
+        REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 2, load, 2, twice, status), "twice");
+    }
     q[0] = NAN;
     REFUSED(linkdyn_compute_inverse(scene, NULL, 1, 1, q, qd, qdd, 2, load, 1, &wanted, status), "'J1'");
     q[0] = 0.6;

@@ -260,3 +260,31 @@ def test_end_of_reach_of_a_delta(towards: tuple[float, ...], exponent: int) -> N
     # The margin goes as the root of the distance, and what first order leaves as the margin (here up to 25 times that root, in metres).
     assert run.status.item() == 0
     assert abs(run.singularity_distance.item() / gap - 1) < 40 * np.sqrt(gap) + 1e-13 / gap
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.05])
+def test_angle_of_a_planar_platform_counts_by_its_size(turn: float) -> None:
+    """Not by that of its base: a leg of 3-RRR comes to its end by moving and turning, the nearest place by hand."""
+    base, size, crank, rod = 0.5, 0.12, 0.25, 0.3
+    hips = [[base * np.cos(a), base * np.sin(a)] for a in np.radians([90, 216, 325])]
+    knees = np.array([[size * np.cos(a), size * np.sin(a)] for a in np.radians([95, 210, 336])])
+    scene = {
+        "space": "planar",
+        "frame": {"markers": {f"B{i}": p for i, p in enumerate(hips)}},
+        "link": [{"name": "platform", "mass": 1, "inertia": 0.01, "markers": {f"P{i}": list(p) for i, p in enumerate(knees)}}],
+        "coordinate": [{"link": "platform"}],
+        "chain": [
+            {"type": "RRR", "base": [f"frame.B{i}" for i in range(3)], "platform": [f"platform.P{i}" for i in range(3)], "elbow": 1, "zero": [1, 0],
+             "crank": {"length": crank, "mass": 0.3}, "rod": {"length": rod, "mass": 0.2}},
+        ],
+    }  # fmt: skip
+    cosine, sine = np.cos(turn), np.sin(turn)
+    arm = np.array([[cosine, -sine], [sine, cosine]]) @ knees[0]
+    way = np.array([0.28, -0.96])                                  # from the hip along the stretched leg
+    gap = 1e-6
+    place = np.array(hips[0]) + (crank + rod - gap) * way - arm
+    run = linkdyn.Scene(scene).inverse(q=[[*place, turn]], want="singularity_distance")
+    steepness = np.array([*way, (arm[0] * way[1] - arm[1] * way[0]) / size])    # of the leg's length, the angle in metres
+    assert run.singularity_distance.attrs["length"] == pytest.approx(size, rel=1e-15)
+    assert run.status.values == [0]
+    assert run.singularity_distance.values[0] == pytest.approx(gap / np.linalg.norm(steepness), rel=1e-3)

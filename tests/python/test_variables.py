@@ -265,13 +265,23 @@ def test_arithmetic_needs_no_variables():
 
 @pytest.mark.parametrize(("text", "value"), [
     ("2 m-0.5 m", 1.5), ("if(1 m-2 m, 5 m, 6 m)", 6.0), ("3 m-10%*2 m", 2.8), ("3 m-.5 m", 2.5), ("9 m s^-1*1 s-2 m", 7.0),
-    ("9 m^3 m-2", 9.0), ("5 m s-1*2 s", 10.0),
+    ("9 m^3 m-2", 9.0), ("5 m s-1*2 s", 10.0), ("1 m-2 m", -1.0), ("300 mm-1 m", -0.7), ("3 m-1 m-1 m", 1.0), ("-3 m-1 m", -4.0),
 ])  # fmt: skip
 def test_a_minus_behind_a_unit_takes_off(text, value):
     """Unless a digit alone follows: that is an exponent."""
     scene = written_out()
     scene["link"][1]["cog"] = [text, 0]
     assert linkdyn.Scene(scene).description["links"][2]["cog"][0] == pytest.approx(value, rel=1e-15)
+
+
+def test_a_minus_in_a_variable_takes_off():
+    """It was read as the unit m^-1 m, so as a plain number: 3 m where 2 m are meant, without a word."""
+    scene = written_out() | {"variables": {"L": "3 m-1 m", "density": "5 kg m-1 m-2", "flux": "2 kg m-2 s-1"}}
+    scene["link"][1]["cog"] = ["L", 0]
+    scene["link"][1]["mass"] = "density*1 m^3 + flux*1 m^2*1 s"
+    link = linkdyn.Scene(scene).description["links"][2]
+    assert link["cog"][0] == pytest.approx(2.0, rel=1e-15)
+    assert link["mass"] == pytest.approx(7.0, rel=1e-15)
 
 
 # ---- what follows a change
