@@ -4,6 +4,7 @@ the engine against another."""
 from __future__ import annotations
 
 import copy
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -281,8 +282,9 @@ def test_mass_below_zero_is_flagged() -> None:
         over = moving.times() > 1.0 + 1e-9
         assert (run.status.values[over] != 0).all() and np.isnan(run.driving_force.values[over]).all()
         assert (run.status.values[moving.times() < 1.0 - 1e-9] == 0).all()
+        assert re.search(r"payload on 'coupler\.\w+' has a mass below zero", run.attrs["failure"])
     free = linkdyn.Scene(pendulum(mass={"law": "constant-rate", "start": 1.0, "rate": -1.0})).forward(t=np.linspace(0, 2, 21))
-    assert free.attrs["stopped"]
+    assert "payload on 'arm.hold' has a mass below zero" in free.attrs["stopped"]
 
 
 def test_no_code_of_what_changes(tmp_path: Path) -> None:
