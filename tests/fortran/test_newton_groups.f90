@@ -117,7 +117,7 @@ contains
         do led = 0, 3                              ! with slides inside that lead: in neither half, one, the other, both
             do i = 1, size(signature)
                 call dyad_scene(signature(i), scene, led=led)
-                call compare(error, scene)
+                call compare(error, scene, by=merge(0.2_wp, 0.05_wp, led == 0))
                 if (allocated(error%message)) return
             end do
         end do
@@ -140,17 +140,20 @@ contains
     end subroutine test_parallel_slides
 
     !> Positions, velocities, accelerations and columns of all links, at random states about the start.
-    subroutine compare(error, scene)
+    subroutine compare(error, scene, by)
         type(test_error), intent(inout) :: error
         type(scene_type), intent(in) :: scene
+        real(wp), intent(in), optional :: by               !! so far at most, where not by 0.2 [m, rad]
         type(scene_type) :: started
         type(model_type) :: direct, iterated
         type(kinematic_state) :: known, found
         type(status_type) :: status
         type(random_stream) :: stream
-        real(wp) :: scale
+        real(wp) :: scale, span
         integer :: i, l, k, o
 
+        span = 0.2_wp
+        if (present(by)) span = by
         call build_model(scene, direct, status)
         call check(error, status%is_ok(), trim(status%message))
         if (allocated(error%message)) return
@@ -165,7 +168,7 @@ contains
         call check(error, count(iterated%step%kind == step_group) > 0, "by iteration")
 
         call prepare_kinematics(iterated, iterated%n_q, found)
-        known%q = spread(direct%start_q, 1, lanes) + 0.2_wp*reshape(stream%vector(size(known%q)), shape(known%q))
+        known%q = spread(direct%start_q, 1, lanes) + span*reshape(stream%vector(size(known%q)), shape(known%q))
         known%qd = reshape(stream%vector(size(known%q)), shape(known%q))
         known%qdd = reshape(stream%vector(size(known%q)), shape(known%q))
         found%q = known%q
@@ -507,8 +510,8 @@ contains
     !> Motions followed by strides of recorded steps and by lanes: the same assemblies, and the same words where one is lost.
     subroutine test_strides(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(7) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
-                                                  "excavator", "boom_by_stroke", "screw_loop", "hexaglide"]
+        character(len=*), parameter :: name(6) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
+                                                  "scissor_by_stroke", "screw_loop", "hexaglide"]
         integer, parameter :: n = 240, first = 20      ! not whole numbers of strides
         type(model_type) :: model
         type(representative_poses) :: poses
@@ -601,7 +604,7 @@ contains
     subroutine test_short_steps(error)
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: name(6) = [character(len=18) :: "rsur", "rusr_parallelogram", "planar_platform", &
-                                                  "excavator", "rssr", "hexaglide"]
+                                                  "scissor_by_stroke", "rssr", "hexaglide"]
         integer, parameter :: n = 400
         real(wp), parameter :: too_long = 32           !! of the length allowed
         type(model_type) :: model

@@ -4,7 +4,7 @@ module test_planar_dyads
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins
     use linkdyn_model, only: model_type, orientation_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group
     use linkdyn_planar_scenes, only: dyad_scene, triad_scene
     use linkdyn_scene, only: scene_type, joint_prismatic
@@ -65,15 +65,18 @@ contains
         call check_scene(error, scene, step_group)
     end subroutine test_triad
 
-    !> Both known links of the dyad move, so that no term of the bias vanishes.
+    !> Both known links of the dyad move, so that no term of the bias vanishes; without and with slides inside that lead.
     subroutine check_dyad(error, signature, kind)
         type(test_error), intent(inout) :: error
         character(len=3), intent(in) :: signature
         integer, intent(in) :: kind
         type(scene_type) :: scene
+        integer :: led
 
-        call dyad_scene(signature, scene)
-        call check_scene(error, scene, kind)
+        do led = 0, 3
+            call dyad_scene(signature, scene, led=led)
+            call check_scene(error, scene, kind)
+        end do
     end subroutine check_dyad
 
     subroutine check_scene(error, scene, kind)
@@ -174,8 +177,21 @@ contains
                                  "angular acceleration")
             end associate
         end do
+        ! of hinges that slide apart, how their line changes is left out of the rate
+        if (model%n_dyad > 0 .and. all(model%step%kind /= step_rpr)) call check_margin()
 
     contains
+
+        subroutine check_margin()
+            real(wp) :: margin(lanes, 1), drift(lanes, 1), along(lanes, -2:2)
+
+            do m = -2, 2
+                call measure_margins(model, beside(m), margin, drift)
+                along(:, m) = margin(:, 1)
+            end do
+            call measure_margins(model, state, margin, drift)
+            call check_slope(drift(:, 1), along, "margin")
+        end subroutine check_margin
 
         function position(link, axis)
             integer, intent(in) :: link, axis
