@@ -121,7 +121,7 @@ contains
             joint = connect(scene, "inside2", "P", tip(2), [0.2_wp, 0.03_wp], y, [0.1_wp, -0.05_wp], -0.2_wp, 0.6_wp)
             call drive(scene, joint)
         end if
-        call start_at(scene, [0.4_wp, -0.3_wp, spread(0.15_wp, 1, count(is_led))])
+        call start_at(scene, [0.4_wp, -0.3_wp, pack([0.15_wp, -0.15_wp], is_led)])
     end subroutine dyad_scene
 
     !> A platform on three rods with a crank: a triad, which no dyad places.
