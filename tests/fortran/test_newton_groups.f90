@@ -16,7 +16,7 @@ module test_newton_groups
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, scene_size, step_group
+    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_quaternion, only: turned_by
@@ -349,7 +349,7 @@ contains
             block = group_block()
             call prepare_block(model, n, block)
             m = size(block%shift, 2)
-            unit = [(merge(scene_size(model), 1.0_wp, k <= m/2 + modulo(m, 2)), k=1, m)]
+            unit = [(merge(model%group(1)%size, 1.0_wp, k <= m/2 + modulo(m, 2)), k=1, m)]
             block%from = 0
             block%place = 0
             block%shift = 0
@@ -457,7 +457,7 @@ contains
         pure real(wp) function fastest_of(rate)
             real(wp), intent(in) :: rate(:, :)         !! (6, link)
 
-            fastest_of = max(maxval(norm2(rate(:3, :), 1))/scene_size(model), maxval(norm2(rate(4:, :), 1)))
+            fastest_of = max(maxval(norm2(rate(:3, :), 1))/model%group(1)%size, maxval(norm2(rate(4:, :), 1)))
         end function fastest_of
 
         !> Of links on the frame that coordinates lead; their hinges are their origins.
@@ -470,7 +470,7 @@ contains
             fastest = 0
             do k = 1, model%n_q
                 if (any(group%link == model%joint(model%scene%coordinate(k)%joint)%link(2))) cycle
-                fastest = max(fastest, abs(way(k))/merge(scene_size(model), 1.0_wp, is_length(model, k)))
+                fastest = max(fastest, abs(way(k))/merge(group%size, 1.0_wp, is_length(model, k)))
             end do
         end function fastest_led
 
@@ -502,7 +502,7 @@ contains
                     largest_bounded = max(largest_bounded, maxval(abs(bounded)/unit))
                 end associate
             end do
-            call check_close(error, extent, [largest, largest_bounded, max(scene_size(model), &
+            call check_close(error, extent, [largest, largest_bounded, max(group%size, &
                              maxval(abs(place(:3, group%link))))], 20*eps*maxval(extent), what//": how large it is")
         end subroutine check_corrected
     end subroutine test_recorded_steps
