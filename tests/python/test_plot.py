@@ -306,6 +306,13 @@ def test_springs_and_brakes_of_hinges_go_round_them() -> None:
         assert len(close) >= 1, name
 
 
+def test_a_picture_that_cannot_be_drawn_says_which_links_do_not_close() -> None:
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    long = scene.with_({"link.coupler.markers.J3": [100, 0]})
+    with pytest.raises(linkdyn.InputError, match="cannot be assembled in this position: links 'follower', 'coupler' cannot be closed"):
+        plot.mechanism(long)
+
+
 def test_soft_stops_are_no_springs_to_be_drawn() -> None:
     scene = linkdyn.load(EXAMPLES / "toggle_clamp" / "scene.toml")
     assert scene.description["stops"] and scene.description["springs"] == []

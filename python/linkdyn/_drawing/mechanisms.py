@@ -61,7 +61,8 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
     position = scene.motion()[0][0] if q is None else np.asarray(q)
     postures, assembled = find_postures(scene, scene.poses(np.atleast_2d(position), in_order=False))
     if not assembled[0]:
-        raise InputError("mechanism: it cannot be assembled in this position")
+        why = _failure(scene, position)
+        raise InputError(f"mechanism: it cannot be assembled in this position{': ' if why else ''}{why}")
     if ax is None:
         ax = new_axes(pyplot.figure(layout="constrained" if scene.planar else "none"), postures)
     set_limits(ax, postures)
@@ -72,6 +73,15 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
         ax.put_title(fitting(scene.title, ax.get_figure(root=True)), fontsize="medium", parse_math=False)
         ax.crop()
     return ax.figure, ax
+
+
+def _failure(scene: Scene, position: Points) -> str:
+    """Which links cannot be closed there, as inverse dynamics says it; nothing if it has no words for it."""
+    try:
+        told = scene.inverse(np.atleast_2d(position), in_order=True, want="joint_variable").attrs.get("failure", "")
+        return str(told).removeprefix("sample 0: ")
+    except InputError:      # it asks for more than a position
+        return ""
 
 
 def new_axes(figure: Figure, postures: Postures, largest: tuple[float, float] = LARGEST) -> Axes:
