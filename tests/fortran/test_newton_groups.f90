@@ -99,6 +99,7 @@ contains
         type(scene_type) :: scene
         type(model_type) :: model
         type(status_type) :: status
+        integer :: i
 
         call read_scene("tests/scenes/legs_with_rods.toml", scene, status)
         call check(error, status%is_ok(), trim(status%message))

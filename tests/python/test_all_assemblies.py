@@ -55,11 +55,11 @@ def test_rssr_has_two() -> None:
     u, v = 2 * r * d @ x, 2 * r * d @ np.cross(z, x)
     middle, half = np.arctan2(v, u), np.arccos((rod**2 - r**2 - d @ d) / np.hypot(u, v))
     expected = np.exp(1j * np.array([middle + half, middle - half]))
-    angles = np.exp(1j * np.array([one.start["D.angle"] for one in found]))
+    angles = np.exp(1j * np.array([one.joint_variable["D.angle"] for one in found]))
     assert len(found) == 2
     np.testing.assert_allclose(np.sort_complex(angles), np.sort_complex(expected), atol=1e-12)
     other = linkdyn.Scene(found[1].apply(RSSR)).assemblies()
-    assert same({"D": other[0].start["D.angle"]}, {"D": found[1].start["D.angle"]})
+    assert same({"D": other[0].joint_variable["D.angle"]}, {"D": found[1].joint_variable["D.angle"]})
 
 
 def test_every_one_closes() -> None:

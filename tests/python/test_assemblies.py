@@ -566,7 +566,7 @@ def test_words_name_loop_sample_and_range(tmp_path: Path) -> None:
 
 def test_summary_tells_assembly_and_change_points(tmp_path: Path) -> None:
     result = run("inverse", SCENES / "rusr_parallelogram.toml", "-o", tmp_path / "run.nc")
-    assert "as 'start' says" in result.stdout
+    assert "'rocker', 'coupler': branch -1, nearest to 'start'" in result.stdout
     assert "change points    4 passed" in result.stdout
     assert "branch +1" in run("explain", SCENES / "crank_out_of_reach.toml").stdout
 

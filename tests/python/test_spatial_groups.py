@@ -148,9 +148,13 @@ def add_turned_leg(scene: dict[str, Any], chain: dict[str, Any], i: int, foot: s
 
 
 def test_start_of_no_assembly() -> None:
-    """Links that cannot reach each other: named, with what was expected."""
+    """Links that cannot reach each other: named, with what was expected. A rod off its universal joint's axis is closed by iteration,
+    one square to it by a formula, which may close elsewhere."""
     scene = copy.deepcopy(SLIDER_CRANK)
     scene["link"][1]["markers"]["C"]["at"] = [0.05, 0.0, 0.0]
+    text = linkdyn.Scene(scene).explain()
+    assert "links 'slider', 'rod' cannot be closed at the start" in text and "does not close at the start" in text
+    scene["link"][1]["markers"]["C"]["at"] = [0.05, 0.02, 0.0]
     with pytest.raises(linkdyn.SceneError, match="cannot be closed at the start"):
         linkdyn.Scene(scene)
 
