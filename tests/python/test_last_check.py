@@ -216,6 +216,7 @@ def test_samples_of_a_forward_run_by_road(tmp_path):
 
 def test_iterated_samples_are_told(tmp_path):
     scene = tomllib.loads((ROOT / "examples" / "spatial_slider_crank" / "scene.toml").read_text())
+    scene["link"][1]["markers"]["C"]["axis"] = [0.1, 1.0, 0.0]       # not square to the rod
     result, stored = executed("forward", scene, tmp_path, "--until", "0.01", "--samples", "7")
     assert (stored.attrs["samples_closed_form"], stored.attrs["samples_iterated"]) == (0, 7)
     assert "0 samples in closed form, 7 by iteration" in result.stdout
