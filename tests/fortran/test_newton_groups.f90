@@ -406,7 +406,7 @@ contains
     !> little are brought back.
     subroutine test_recorded_steps(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(4) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram", "screw_loop"]
+        character(len=*), parameter :: name(3) = [character(len=18) :: "hexaglide", "rsur", "screw_loop"]
         real(wp), parameter :: h = 1.0e-5_wp           ! differences: errors of h^2 over cubed margins
         type(model_type) :: model
         type(sample_assembly) :: found
