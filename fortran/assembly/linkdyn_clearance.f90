@@ -72,14 +72,14 @@ contains
                 n = n + 1
                 side = 2
                 do i = 1, size(model%step)
-                    if (model%step(i)%kind == step_ups .and. any(model%step(i)%link == joint%link(1))) side = 1
+                    if (model%step(i)%kind == step_ups .and. any(model%step(i)%link(:2) == joint%link(1))) side = 1
                 end do
                 swing(n)%joint = j
                 swing(n)%leg_link = joint%link(side)
                 swing(n)%other_link = joint%link(3 - side)
                 swing(n)%direction = joint%frame(:, 3, side)
                 do i = 1, size(model%step)
-                    if (model%step(i)%kind == step_ups .and. any(model%step(i)%link == joint%link(side))) &
+                    if (model%step(i)%kind == step_ups .and. any(model%step(i)%link(:2) == joint%link(side))) &
                         swing(n)%direction = [0, 0, 1]
                 end do
                 direction = state%rotation(orientation_of(model, swing(n)%leg_link)).rotate.swing(n)%direction

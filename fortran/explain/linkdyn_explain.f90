@@ -387,7 +387,7 @@ contains
             associate (joint => model%joint(model%step(i)%joint(2*side - 1)))
                 known = joint%link(3 - side_of(joint, model%step(i)%link(side)))
                 do k = 1, i - 1
-                    if (.not. is_dyad(model%step(k)%kind) .or. all(model%step(k)%link /= known)) cycle
+                    if (.not. is_dyad(model%step(k)%kind) .or. all(model%step(k)%link(:model%step(k)%n_link) /= known)) cycle
                     write (unit, "(8x,a)") "coupler_point: "//trim(joint%name)//" on "//trim(model%link(known)%name)
                 end do
             end associate
