@@ -3,12 +3,14 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_clutch_friction, only: reserve
     use linkdyn_clutch_states, only: switch_clutches
+    use linkdyn_constants, only: least_accuracy
     use linkdyn_event_log, only: add_entry, kind_crossing, kind_end, kind_contact, kind_release
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_forward_state, only: read_coordinates
     use linkdyn_held_variables, only: away_from_stops, slips, led_by
-    use linkdyn_measures, only: find_events
+    use linkdyn_forward_record, only: measure_states
+    use linkdyn_measures, only: find_events, tell_events
     use linkdyn_motor_states, only: switch_brakes
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_slip_parts, only: goes_with_others, slip_levers, with_lead
@@ -17,31 +19,112 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
 
 contains
 
-    !> The scene's events at these states. That of a stop at which its joint variable rests is its push: when that vanishes
-    !> the variable leaves. That of a clutch that holds is what it could hold besides; that of an open one never happens.
+    !> The scene's events at these states.
     module procedure evaluate_events
         real(wp) :: rate(lanes, self%n)
         logical :: failed(lanes)
-        integer :: i
 
         call self%look_closely(t, y)
-        call find_events(self%model, self%look, angles_about(self%angles, t), guard)
-        failed = self%look%unreachable .or. self%look%not_converged .or. self%look%way_status /= sample_ok
+        call find_guards(self, t, self%look, guard)
+        if (.not. holds_something(self)) return
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call take_held(self, guard)
+    end procedure evaluate_events
+
+    !> The same with the rates, in one go: by the record, where that serves and has shown that it measures what the lanes do.
+    module procedure survey_events
+        real(wp) :: by_record(lanes, self%n_guard)
+        logical :: failed(lanes)
+
+        self%n_used = n
+        call self%evaluate(t, y, rate, failed)
+        self%n_used = lanes
+        are_known = .not. any(failed(:n))
+        if (.not. are_known) return
+        if (.not. self%is_by_record) then
+            call find_guards(self, t, self%workspace%state, guard)
+            if (holds_something(self)) call take_held(self, guard)
+        else if (.not. has_guards(self)) then
+            call self%evaluate_guards(t, y, guard)
+        else
+            call guards_by_record(self, t, y, n, by_record)
+            guard = by_record
+            if (self%guards_agree) return
+            call self%evaluate_guards(t, y, guard)
+            self%guards_agree = all(are_alike_on_lanes(guard, by_record))
+            self%guards_differ = .not. self%guards_agree
+        end if
+    end procedure survey_events
+
+    !> Guards by motion that has been computed on lanes. That of a clutch that is open never vanishes.
+    subroutine find_guards(self, t, state, guard)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: guard(:, :)           !! (lane, n_guard)
+        logical :: failed(lanes)
+        integer :: i
+
+        call find_events(self%model, state, angles_about(self%angles, t), guard)
+        failed = state%unreachable .or. state%not_converged .or. state%way_status /= sample_ok
         do i = 1, size(guard, 2)
             where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
         end do
+        call let_stops_yield(self, guard)
+        if (n_clutch(self%model%scene) > 0) call see_surfaces(self, state, guard)
+        do i = 1, n_clutch(self%model%scene)
+            where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+            call keep_what_is_held(self, i, guard)
+        end do
+    end subroutine find_guards
+
+    !> Does the record measure what guards are made of? It knows nothing of clutches.
+    logical function has_guards(self)
+        class(forward_system), intent(in) :: self
+
+        has_guards = self%record%recorded%measures%is_made .and. n_clutch(self%model%scene) == 0 .and. .not. self%guards_differ
+    end function has_guards
+
+    !> Guards at the first states, of which the record has just found the rates.
+    subroutine guards_by_record(self, t, y, n, guard)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        integer, intent(in) :: n
+        real(wp), intent(out) :: guard(:, :)           !! (lane, n_guard)
+        real(wp) :: measure(lanes, size(self%model%scene%laws%measure))
+
+        call measure_states(n, t, y, self%turns, self%record, measure)
+        call tell_events(self%model, angles_about(self%angles, t), measure, guard)
+        call let_stops_yield(self, guard)
+    end subroutine guards_by_record
+
+    !> A stop that has been struck is where its variable rests.
+    subroutine let_stops_yield(self, guard)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
+        integer :: i
+
         do i = 1, n_stop(self%model%scene)
             associate (stop => self%model%scene%stop(i))
                 if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%stops%yielded(:, i)
             end associate
         end do
-        if (n_clutch(self%model%scene) > 0) call see_surfaces(self, guard)
-        do i = 1, n_clutch(self%model%scene)
-            where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
-            call keep_what_is_held(self, i, guard)
-        end do
-        if (.not. (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch))) return
-        call self%evaluate_on_lanes(t, y, rate, failed)
+    end subroutine let_stops_yield
+
+    logical function holds_something(self)
+        class(forward_system), intent(in) :: self
+
+        holds_something = rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)
+    end function holds_something
+
+    !> The guard of a stop at which its variable rests is its push: when that vanishes the variable leaves. That of a clutch that holds
+    !> is what it could hold besides. Both at the states evaluated last.
+    subroutine take_held(self, guard)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
+        integer :: i
+
         do i = 1, n_clutch(self%model%scene)
             if (self%model%scene%clutch(i)%lead /= i) cycle
             where (self%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self%model, i, self%clutch)
@@ -51,7 +134,14 @@ contains
                 where (self%stops%rests(:, i)) guard(:, e) = self%stops%push(:, i)
             end associate
         end do
-    end procedure evaluate_events
+    end subroutine take_held
+
+    !> Are guards by two roads the same, for what they are compared with zero? They are numbers of any size.
+    elemental logical function are_alike_on_lanes(one, other) result(are_alike)
+        real(wp), intent(in) :: one, other
+
+        are_alike = abs(one - other) <= least_accuracy*max(1.0_wp, abs(one))
+    end function are_alike_on_lanes
 
     !> What closes a clutch that then holds links where they are may tell how far apart these are: it has come to rest at zero, and what errors
     !> of the steps carry off and back is no crossing.
@@ -73,8 +163,9 @@ contains
 
     !> Of surfaces that slide along several joint variables it is looked out for how fast they still slide the way they did at the accepted
     !> state: that vanishes when they come to rest. Those of joints without variables tell themselves how they slip.
-    subroutine see_surfaces(self, guard)
+    subroutine see_surfaces(self, state, guard)
         class(forward_system), intent(in) :: self
+        type(kinematic_state), intent(in) :: state
         real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
         real(wp), dimension(lanes, n_clutch(self%model%scene)) :: slip
         real(wp) :: lever(size(slip, 2))
@@ -83,7 +174,7 @@ contains
 
         is_part = goes_with_others(self%model%scene)
         if (.not. any(is_part .or. self%model%scene%clutch%is_bare)) return
-        slip = slips(self%model, self%look, level_velocity)
+        slip = slips(self%model, state, level_velocity)
         lever = slip_levers(self%model)
         do i = 1, size(slip, 2)
             associate (clutch => self%model%scene%clutch(i))

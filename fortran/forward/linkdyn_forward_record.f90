@@ -25,7 +25,7 @@ module linkdyn_forward_record
     use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
-        free_rate_samples, run_rates, apply_laws
+        free_rate_samples, run_rates, apply_laws, take_measures
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
@@ -38,7 +38,8 @@ module linkdyn_forward_record
     public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
         use_forward_rates, free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
-        leave_doubtful, leave_far, keep_stages, apply_record_laws, settle_record_losses, is_led_there, accept_recorded
+        leave_doubtful, leave_far, keep_stages, apply_record_laws, measure_states, settle_record_losses, &
+        is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -157,7 +158,7 @@ contains
         record%recorded => recorded
         if (.not. recorded%is_usable) return
         call prepare_samples(model, layout, record)
-        record%by_columns = by_columns .and. .not. (recorded%measures%is_made .or. recorded%friction%is_made &
+        record%by_columns = by_columns .and. .not. (recorded%takes_measures .or. recorded%friction%is_made &
                                                     .or. places_groups(recorded))
         if (record%by_columns) call wire_inputs(recorded%program, columns_of_states(model, record%wires), record%wiring)
         record%motion_stands_still = .not. hangs_on_more(model, layout, record)
@@ -290,15 +291,25 @@ contains
                     if (place > 0) samples%target(2*i - 1, :n) = samples%target(2*i - 1, :n) - two_pi*turns(:n, place)
                 end associate
             end do
-            do i = 1, size(record%measured)
-                samples%turned(i, :n) = 0
-                if (record%measured(i) > 0) samples%turned(i, :n) = two_pi*turns(:n, record%measured(i))
-            end do
+            call place_turns(n, turns, record)
             do i = 1, size(record%sprung)
                 samples%is_left(:n) = samples%is_left(:n) .or. turns(:n, record%sprung(i)) /= 0
             end do
         end associate
     end subroutine place_states
+
+    !> Turns of measures that the states leave out.
+    subroutine place_turns(n, turns, record)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        type(forward_record), intent(inout) :: record
+        integer :: i
+
+        do i = 1, size(record%measured)
+            record%samples%turned(i, :n) = 0
+            if (record%measured(i) > 0) record%samples%turned(i, :n) = two_pi*turns(:n, record%measured(i))
+        end do
+    end subroutine place_turns
 
     !> The same where nothing but states and branches changes.
     subroutine place_still(model, assembly, n, y, record)
@@ -627,6 +638,27 @@ contains
 
         call apply_laws(record%recorded, n, record%samples)
     end subroutine apply_record_laws
+
+    !> Measures of the first n states, of which rates have been found: with turns, as the laws mean them.
+    subroutine measure_states(n, t, y, turns, record, measure)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t(:)                   !! [s] (lane)
+        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        real(wp), intent(in) :: turns(:, :)            !! of angles that are not in y (lane, n)
+        type(forward_record), intent(inout) :: record
+        real(wp), intent(out) :: measure(:, :)         !! lanes beyond n are like lane n (lane, measure)
+        integer :: lane
+
+        if (.not. record%recorded%takes_measures) then
+            if (record%by_columns) call carry_states(n, y, record)
+            if (record%stands_still) record%samples%t(:n) = t(:n)
+            if (record%stands_still) call place_turns(n, turns, record)
+            call take_measures(record%recorded, n, record%samples)
+        end if
+        do lane = 1, size(measure, 1)
+            measure(lane, :) = record%samples%measured(:record%samples%n_measure, min(lane, n))
+        end do
+    end subroutine measure_states
 
     !> What transmissions lose is taken off the driving forces.
     subroutine settle_record_losses(model, lossy, contact, n, record)

@@ -122,6 +122,8 @@ module linkdyn_forward_system
         real(wp), private :: t_tried = 0               !! [s]
         real(wp), allocatable, private :: y_tried(:)   !! of lane 1 (n)
         logical, private :: is_behind = .false.        !! it is not in the workspace
+        logical, private :: guards_agree = .false., guards_differ = .false.    !! as the record and lanes have them: neither, if nobody has
+                                                       !! compared them
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: evaluate_alone => evaluate_one
@@ -139,6 +141,7 @@ module linkdyn_forward_system
         procedure :: longest_step => longest_forward_step
         procedure :: stalled_coordinate
         procedure :: evaluate_guards => evaluate_events
+        procedure :: survey => survey_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
         procedure :: begin_with_clutches
@@ -388,6 +391,17 @@ module linkdyn_forward_system
             real(wp), intent(out) :: guard(:, :)
         end subroutine evaluate_events
 
+        !> The same with the rates, of the first states.
+        module subroutine survey_events(self, t, y, n, rate, guard, are_known)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(in), contiguous :: y(:, :)
+            integer, intent(in) :: n
+            real(wp), intent(out), contiguous :: rate(:, :)
+            real(wp), intent(out) :: guard(:, :)
+            logical, intent(out) :: are_known
+        end subroutine survey_events
+
         !> Events have come: what they bring.
         module subroutine meet_events(self, t, y, has_crossed, has_changed, is_over)
             class(forward_system), intent(inout) :: self
@@ -596,6 +610,8 @@ contains
             self%angles = other%angles
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
+        self%guards_agree = .false.
+        self%guards_differ = .false.
         call free_looks(self%looks)
         call leave_drives(self%drives)
         call leave_programs(self%shared)

@@ -8,7 +8,7 @@
 !>   `margin` times that miss, or
 !> - it changes its sign once.
 !>
-!> What is not settled is halved, and each half looked at in the same way, down to `most` pieces of the step. Where a guard still
+!> What is not settled is halved, and each half looked at in the same way, down to `most_pieces` of the step. Where a guard still
 !> keeps its sign there but comes near zero, its nearest place is sought. So a guard that crosses zero and comes back within a step
 !> is found, unless it turns twice within a quarter of the smallest piece. Behind a crossing, where velocities may have jumped, the
 !> first quarter is looked at more and more closely towards its beginning.
@@ -21,9 +21,9 @@ module linkdyn_crossings
     use linkdyn_lane_system, only: lane_system
     implicit none (type, external)
     private
-    public :: step_taken, find_crossing, note_sides
+    public :: step_taken, find_crossing, note_sides, most_pieces
 
-    integer, parameter :: most = 16                !! pieces of a step
+    integer, parameter :: most_pieces = 16         !! of a step
     integer, parameter :: n_near = 10              !! places in the first quarter, each half as far from the beginning as the next one
     real(wp), parameter :: margin = 4
     real(wp), parameter :: noise = 50*epsilon(1.0_wp)    !! of a guard's largest value so far: less than that has no sign
@@ -34,8 +34,11 @@ module linkdyn_crossings
         real(wp) :: t(lanes) = 0, length(lanes) = 0
         real(wp), allocatable :: y(:, :), rate(:, :)             !! where it begins (lane, n)
         real(wp), allocatable :: y_end(:, :), rate_end(:, :)     !! where it ends (lane, n)
+        integer :: n_evaluation = 0                !! in looking within, so far (blocks)
     contains
         procedure(retake_step), deferred :: retake
+        procedure :: follow
+        procedure, non_overridable :: cubic_at, cubic_rate_at
     end type step_taken
 
     abstract interface
@@ -61,24 +64,63 @@ module linkdyn_crossings
 
 contains
 
+    !> The solution along a step that all lanes share, at many places at once.
+    subroutine follow(self, system, is_long, share, y, is_sure)
+        class(step_taken), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        logical, intent(in) :: is_long                     !! the cubic will hardly serve
+        real(wp), intent(in) :: share(:)                   !! of the length (place)
+        real(wp), intent(out) :: y(:, :)                   !! (place, n)
+        logical, intent(out) :: is_sure                    !! as good as the method; else it is the cubic
+        integer :: i
+
+        is_sure = .false.
+        do i = 1, size(share)
+            y(i, :) = self%cubic_at(share(i))
+        end do
+    end subroutine follow
+
+    !> The cubic that meets solution and rates at both ends, on the first lane.
+    pure function cubic_at(self, share) result(y)
+        class(step_taken), intent(in) :: self
+        real(wp), intent(in) :: share                      !! of the step
+        real(wp) :: y(size(self%y, 2))
+
+        y = self%y(1, :) + (3 - 2*share)*share**2*(self%y_end(1, :) - self%y(1, :)) &
+            + self%length(1)*share*(1 - share)*((1 - share)*self%rate(1, :) - share*self%rate_end(1, :))
+    end function cubic_at
+
+    !> How fast it goes on there, times the length.
+    pure function cubic_rate_at(self, share) result(way)
+        class(step_taken), intent(in) :: self
+        real(wp), intent(in) :: share                      !! of the step
+        real(wp) :: way(size(self%y, 2))
+
+        way = 6*share*(1 - share)*(self%y_end(1, :) - self%y(1, :)) &
+              + self%length(1)*((1 - share)*(1 - 3*share)*self%rate(1, :) + share*(3*share - 2)*self%rate_end(1, :))
+    end function cubic_rate_at
+
     !> The first crossing that counts, on each lane.
-    subroutine find_crossing(system, step, share, has_crossed)
+    subroutine find_crossing(system, step, share, has_crossed, fewest)
         class(lane_system), intent(inout) :: system
         class(step_taken), intent(inout) :: step
         real(wp), intent(out) :: share(lanes)              !! of the step's length, just behind it; 1: there is none
         logical, intent(out) :: has_crossed(:, :)          !! there (lane, n_guard)
+        integer, intent(in), optional :: fewest            !! pieces to look into; absent: one
         type(look_type) :: look
         real(wp), dimension(lanes, system%n_guard) :: from, to, side
         real(wp) :: dip(lanes, 4, system%n_guard)          ! before, at and behind it, and the sign there
         logical, dimension(lanes, system%n_guard) :: is_settled, is_found
         real(wp) :: root(lanes)
-        integer :: i
+        integer :: i, least
 
+        least = 1
+        if (present(fewest)) least = fewest
         call begin_look(system, step, look)
         do
             call look_into(system, step, look)
             call judge(system, look, step%is_one, from, to, side, is_found, is_settled, dip)
-            if (all(is_settled) .or. look%n_piece == most) exit
+            if ((all(is_settled) .and. look%n_piece >= least) .or. look%n_piece == most_pieces) exit
             call halve_pieces(system, step, look)
         end do
         share = 1
@@ -364,7 +406,7 @@ contains
                 side = -side
             case default
                 is_settled = .false.
-                if (look%n_piece < most) return
+                if (look%n_piece < most_pieces) return
                 ! The smallest pieces: what the method's own places tell.
                 if (guard(2)*side < 0) then
                     is_found = counts(side, direction)

@@ -2,7 +2,8 @@
 module linkdyn_integrator
     use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_crossings, only: step_taken, find_crossing, note_sides
+    use linkdyn_crossings, only: step_taken, find_crossing, note_sides, most_pieces
+    use linkdyn_far_guards, only: look_afar
     use linkdyn_gbs, only: gbs_method
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -90,6 +91,7 @@ module linkdyn_integrator
         type(controlled_step), private :: taken                  !! the last step
         logical, allocatable, private :: has_crossed(:, :)       !! at its end (lane, n_guard)
         logical, private :: is_at_crossing = .false.             !! whose consequences are still to be drawn
+        logical, private :: are_far = .false.                    !! all guards have been, from zero, in the last step
     contains
         procedure :: start, advance, reset, go_on_from, exchange_system, finish
     end type integrator_type
@@ -181,6 +183,7 @@ contains
         if (allocated(self%has_crossed)) deallocate (self%has_crossed)
         allocate (self%has_crossed(lanes, system%n_guard), source=.false.)
         self%is_at_crossing = .false.
+        self%are_far = .false.
         call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
     end subroutine begin_guards
 
@@ -248,6 +251,7 @@ contains
         self%n_short = 0
         self%n_jumping = 0
         self%is_at_crossing = self%is_at_crossing .and. system%n_guard > 0
+        self%are_far = .false.
         if (.not. (self%next_step > 0 .and. self%next_step <= huge(1.0_wp))) self%next_step = self%options%step
         call prepare_method(self, system, y, status)
     end subroutine exchange_system
@@ -404,15 +408,15 @@ contains
             call note_rk4_start(system, t, length, y, self%work, taken)
             n_jump = system%n_jump
             call rk4_step(system, t, length, y, self%work, failed)
-            self%n_evaluation = self%n_evaluation + 6
+            self%n_evaluation = self%n_evaluation + 5
+            taken%rate = self%work%first
             call self%pause%note_work()
             do k = 1, system%n
                 where (.not. is_moving) y(:, k) = taken%y(:, k)
             end do
             self%failed = self%failed .or. (failed .and. is_moving)
             taken%y_end = y
-            call system%evaluate(t + length, y, taken%rate_end, failed)
-            call find_crossing(system, taken, share, self%has_crossed)
+            call look_through_rk4(self, system, taken, share)
             is_moving = is_moving .and. .not. self%failed
             do k = 1, system%n_guard
                 self%has_crossed(:, k) = self%has_crossed(:, k) .and. is_moving
@@ -441,7 +445,7 @@ contains
                 self%failed = self%failed .or. is_over
                 if (any(is_over)) self%reason = stop_event
             end if
-            call note_sides(system, t, y, self%has_crossed)
+            if (.not. self%are_far) call note_sides(system, t, y, self%has_crossed)
             call take_turns_off(self, system, y)
             length = merge(t_next - t, 0.0_wp, is_hit)
             n_idle = merge(0, n_idle + 1, any(t > t_before))
@@ -458,6 +462,31 @@ contains
         end if
         call note_step(self, h)
     end subroutine step_watching
+
+    !> Where guards cross in a part of the equal steps, whose end is known but for the rates there.
+    subroutine look_through_rk4(self, system, taken, share)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(rk4_taken), intent(inout) :: taken
+        real(wp), intent(out) :: share(lanes)                   !! of it, just behind the first crossing; 1: there is none
+        logical :: failed(lanes)
+        real(wp) :: rate(system%n)
+
+        if (taken%is_one) then
+            call system%evaluate_alone(taken%t(1) + taken%length(1), taken%y_end(1, :), rate, failed(1))
+            taken%rate_end = spread(rate, 1, lanes)
+            failed = failed(1)
+        else
+            call system%evaluate(taken%t + taken%length, taken%y_end, taken%rate_end, failed)
+        end if
+        self%are_far = .false.
+        if (.not. any(failed)) call look_afar(system, taken, 1, self%are_far)
+        self%n_evaluation = self%n_evaluation + taken%n_evaluation
+        taken%n_evaluation = 0
+        share = 1
+        self%has_crossed = .false.
+        if (.not. self%are_far) call find_crossing(system, taken, share, self%has_crossed)
+    end subroutine look_through_rk4
 
     !> Steps of a method that controls them itself, each cut where it would lead beyond t_end.
     subroutine advance_multistep(self, system, t_end, y)
@@ -518,7 +547,7 @@ contains
             if (all(self%failed)) exit
             if (self%is_at_crossing) then
                 call meet(self, system, y)
-            else if (system%n_guard > 0) then
+            else if (system%n_guard > 0 .and. .not. self%are_far) then
                 call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
             end if
             if (system%n_guard > 0) solution = y(1, :)
@@ -604,6 +633,7 @@ contains
         real(wp) :: rate(size(solution)), by_other(lanes, size(solution))
         real(wp) :: share(lanes)
         logical :: failed
+        integer :: n_part
 
         taken%is_one = .true.
         taken%t = t_before
@@ -617,14 +647,19 @@ contains
         taken%rate = spread(rate, 1, lanes)
         call system%evaluate_alone(self%t, solution, rate, failed)
         taken%rate_end = spread(rate, 1, lanes)
-        call find_crossing(system, taken, share, self%has_crossed)
+        self%has_crossed = .false.
+        self%is_at_crossing = .false.
+        n_part = parts_to_look_at(self, taken%length(1))
+        call look_afar(system, taken, n_part, self%are_far)
+        if (self%are_far) return
+        call find_crossing(system, taken, share, self%has_crossed, n_part)
         if (any(self%has_crossed)) then
             call solve_part(taken, system, 1.0_wp, by_other)
             if (all(abs(by_other) <= huge(1.0_wp))) then
                 taken%y_end = by_other
                 call system%evaluate_alone(self%t, by_other(1, :), rate, failed)
                 taken%rate_end = spread(rate, 1, lanes)
-                call find_crossing(system, taken, share, self%has_crossed)
+                call find_crossing(system, taken, share, self%has_crossed, n_part)
             end if
             call taken%retake(system, share, taken%y_end)
             solution = taken%y_end(1, :)
@@ -682,6 +717,7 @@ contains
 
         instant = self%t
         self%is_at_crossing = .false.
+        self%are_far = .false.
         call system%meet_crossings(instant, y, self%has_crossed, has_changed, is_over)
         if (has_changed(1)) then
             call system%accept(instant, y, has_changed)
@@ -748,7 +784,7 @@ contains
             call go_on(self, system, self%control%y, self%t - t_before, y)
             if (allocated(system%turns)) call self%taken%lose_turns(system%turns(1, :) - turns(1, :))
             call show_within(self, system)
-            if (system%n_guard > 0 .and. .not. self%is_at_crossing) &
+            if (system%n_guard > 0 .and. .not. (self%is_at_crossing .or. self%are_far)) &
                 call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
             if ((system%wants_rest .and. self%t < t_end) .or. all(self%failed)) exit
         end do
@@ -773,24 +809,49 @@ contains
         end do
     end subroutine show_within
 
-    !> Where a step ends at the latest, so that what guards do between its places is seen.
+    !> Where a step ends at the latest, so that what guards do between its places is seen. Where all were far from zero in the last
+    !> one it may be as long as it can be looked at by its pieces.
     pure real(wp) function end_of_looking(self, system, t_last) result(t_next)
         type(integrator_type), intent(in) :: self
         class(lane_system), intent(in) :: system
         real(wp), intent(in) :: t_last                          !! where it ends at the latest anyway
-        integer, parameter :: fewest_steps = 50                 !! of a run
 
         t_next = t_last
-        if (system%n_guard > 0 .and. self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+        if (system%n_guard > 0 .and. self%options%span > 0) &
+            t_next = min(t_last, self%t + part_seen(self)*merge(most_pieces, 1, self%are_far))
     end function end_of_looking
+
+    !> How long a step may be that is looked at in one piece: less than that of the run.
+    pure real(wp) function part_seen(self)
+        type(integrator_type), intent(in) :: self
+        integer, parameter :: fewest_pieces = 50                !! of a run
+
+        part_seen = self%options%span/fewest_pieces
+    end function part_seen
+
+    !> In how many pieces a step is to be looked at.
+    pure integer function parts_to_look_at(self, length) result(n)
+        type(integrator_type), intent(in) :: self
+        real(wp), intent(in) :: length
+        real(wp), parameter :: slack = 1.0e-6_wp
+
+        n = 1
+        if (self%options%span > 0) n = max(1, min(most_pieces, ceiling(length/part_seen(self) - slack)))
+    end function parts_to_look_at
 
     !> A step in which guards cross ends there.
     subroutine end_at_crossing(self, system)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp) :: share(lanes)
+        integer :: n_part
 
-        call find_crossing(system, self%taken, share, self%has_crossed)
+        self%has_crossed = .false.
+        self%is_at_crossing = .false.
+        n_part = parts_to_look_at(self, self%taken%length(1))
+        call look_afar(system, self%taken, n_part, self%are_far)
+        if (self%are_far) return
+        call find_crossing(system, self%taken, share, self%has_crossed, n_part)
         self%is_at_crossing = any(self%has_crossed)
         call self%control%shorten(system, self%taken, share(1))
     end subroutine end_at_crossing

@@ -45,6 +45,7 @@ module linkdyn_lane_system
         logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
     contains
         procedure :: evaluate_guards
+        procedure :: survey
         procedure :: meet_crossings
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
@@ -170,6 +171,24 @@ contains
 
         guard = 1
     end subroutine evaluate_guards
+
+    !> f and guards of the first states, one a lane, for whoever looks over a step. The first one counts as evaluated last.
+    subroutine survey(self, t, y, n, rate, guard, are_known)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in), contiguous :: y(:, :)       !! of lanes to spare what the last state is (lane, n)
+        integer, intent(in) :: n                          !! states
+        real(wp), intent(out), contiguous :: rate(:, :)   !! (lane, n)
+        real(wp), intent(out) :: guard(:, :)              !! (lane, n_guard)
+        logical, intent(out) :: are_known                 !! else neither counts
+        logical :: failed(lanes)
+
+        self%n_used = n
+        call self%evaluate(t, y, rate, failed)
+        self%n_used = lanes
+        call self%evaluate_guards(t, y, guard)
+        are_known = .not. any(failed(:n))
+    end subroutine survey
 
     !> The accepted state is where guards have crossed: on which side they are from here, and what comes of it.
     subroutine meet_crossings(self, t, y, has_crossed, has_changed, is_over)

@@ -18,6 +18,7 @@ module linkdyn_rk4
     type :: rk4_workspace
         real(wp), allocatable :: stage(:, :), rate(:, :), total(:, :)    !! (lane, n)
         real(wp), allocatable :: begin(:, :)     !! where the step begins (lane, n)
+        real(wp), allocatable :: first(:, :)     !! rates there (lane, n)
         real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
     contains
         procedure :: prepare, take_turns_off
@@ -33,14 +34,13 @@ module linkdyn_rk4
 
 contains
 
-    !> Note where a step begins.
+    !> Note where a step begins. The step tells the rates there.
     subroutine note_rk4_start(system, t, h, y, work, taken)
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t(lanes), h(lanes)
         real(wp), intent(in) :: y(:, :)                !! (lane, n)
         type(rk4_workspace), intent(in) :: work
         type(rk4_taken), intent(inout) :: taken
-        logical :: failed(lanes)
 
         taken%t = t
         taken%length = h
@@ -48,7 +48,6 @@ contains
         taken%rest = work%rest
         if (.not. allocated(taken%rate)) allocate (taken%rate(lanes, system%n), taken%rate_end(lanes, system%n))
         call taken%work%prepare(system%n)
-        call system%evaluate(t, y, taken%rate, failed)
     end subroutine note_rk4_start
 
     subroutine retake_rk4(self, system, share, y)
@@ -79,8 +78,9 @@ contains
         class(rk4_workspace), intent(inout) :: self
         integer, intent(in) :: n
 
-        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total, self%begin, self%rest)
-        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%begin(lanes, n), self%rest(lanes, n))
+        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total, self%begin, self%first, self%rest)
+        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%begin(lanes, n), self%first(lanes, n), &
+                  self%rest(lanes, n))
         self%rest = 0
     end subroutine prepare
 
@@ -130,6 +130,7 @@ contains
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
             if (i == 1) then
+                call copy(system%n, work%rate, work%first)
                 call copy(system%n, work%rate, work%total)
             else
                 call add_weighted(system%n, weight(i), work%rate, work%total)

@@ -126,9 +126,9 @@ module linkdyn_step_control
         real(wp), private :: rtol = 0, atol = 0
         type(way_gone_type), private :: gone
         type(step_curve), private :: curve
-        integer :: n_evaluation = 0                    !! in looking within, so far (blocks)
     contains
         procedure :: retake => retake_controlled
+        procedure :: follow => follow_controlled
         procedure :: look_within, look_along, lose_turns
     end type controlled_step
 
@@ -823,20 +823,31 @@ contains
             if (self%curve%is_there) then
                 solution(i, :) = moved(self%y(1, :), self%rest, self%curve%way_at(share))
             else if (.not. all(abs(solution(i, :)) <= huge(1.0_wp))) then
-                solution(i, :) = on_cubic(self, share)
+                solution(i, :) = self%cubic_at(share)
             end if
         end do
     end subroutine look_along
 
-    !> The cubic that meets solution and rates at both ends.
-    pure function on_cubic(self, share) result(y)
-        class(controlled_step), intent(in) :: self
-        real(wp), intent(in) :: share                  !! of the step
-        real(wp) :: y(size(self%y, 2))
+    !> The same for whoever looks over the step: on the curve where that is worth laying, and serves.
+    subroutine follow_controlled(self, system, is_long, share, y, is_sure)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        logical, intent(in) :: is_long
+        real(wp), intent(in) :: share(:)               !! of the length (place)
+        real(wp), intent(out) :: y(:, :)               !! (place, n)
+        logical, intent(out) :: is_sure
+        integer :: i
 
-        y = self%y(1, :) + (3 - 2*share)*share**2*(self%y_end(1, :) - self%y(1, :)) &
-            + self%length(1)*share*(1 - share)*((1 - share)*self%rate(1, :) - share*self%rate_end(1, :))
-    end function on_cubic
+        if (is_long) call lay_curve(self, system)
+        is_sure = self%curve%is_there
+        do i = 1, size(share)
+            if (is_sure) then
+                y(i, :) = moved(self%y(1, :), self%rest, self%curve%way_at(share(i)))
+            else
+                y(i, :) = self%cubic_at(share(i))
+            end if
+        end do
+    end subroutine follow_controlled
 
     !> The curve of the step, unless that has been tried.
     subroutine lay_curve(self, system)

@@ -19,7 +19,7 @@ module linkdyn_measures
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, find_events, find_kept, measure_distance, measure_spring_length
+    public :: find_laws, find_measures, find_events, tell_events, find_kept, measure_distance, measure_spring_length
     public :: spring_without_direction
 
 contains
@@ -41,16 +41,27 @@ contains
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: about(:, :)            !! where measures that wrap are, within half a turn (lane, measure)
         real(wp), intent(out) :: value(:, :)           !! (lane, n_event)
-        real(wp) :: measure(lanes, size(model%scene%laws%measure)), law(lanes, size(model%scene%laws%law)), mode(lanes)
-        integer :: i
+        real(wp) :: measure(lanes, size(model%scene%laws%measure))
 
         call find_measures(model, state, measure)
+        call tell_events(model, about, measure, value)
+    end subroutine find_events
+
+    !> The same of measures.
+    subroutine tell_events(model, about, measure, value)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: about(:, :)            !! as of `find_events`
+        real(wp), intent(inout) :: measure(:, :)       !! they come back with their turns counted (lane, measure)
+        real(wp), intent(out) :: value(:, :)           !! (lane, n_event)
+        real(wp) :: law(lanes, size(model%scene%laws%law)), mode(lanes)
+        integer :: i
+
         call evaluate_laws(model%scene%laws, measure, law, mode)
         call count_turns(model, about, measure)
         do i = 1, n_event(model%scene)
             call evaluate_formula(model%scene%event(i)%formula, measure, law, value(:, i), mode)
         end do
-    end subroutine find_events
+    end subroutine tell_events
 
     !> What clutches keep: the first joint variable less the ratio times the second, with their turns.
     subroutine find_kept(model, state, about, value)

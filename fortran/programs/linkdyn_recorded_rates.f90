@@ -18,20 +18,21 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled, n_event
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         run_columns, most_lanes, goes_to, free_scene_program, free_program_space, input_wiring, column_list, wire_inputs, run_wired
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
-        run_rates, apply_laws, run_looks, wire_looks, run_looks_on_lanes
+        run_rates, apply_laws, take_measures, run_looks, wire_looks, run_looks_on_lanes
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
         logical :: is_usable = .false.                 !! false: the scene has no record
         type(model_type), pointer :: model => null()   !! planned for records
         type(scene_program) :: program
-        type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
+        type(scene_program) :: measures                !! what laws over the state and events depend on; not made if there are none
+        logical :: takes_measures = .false.            !! the rates hang on these
         type(rate_outputs) :: out
         type(input_wiring), private :: of_samples      !! all its inputs from samples
         type(scene_program) :: looks                   !! at the ends of steps; not made if nobody wants that
@@ -92,8 +93,9 @@ contains
                                recorded%friction)
         recorded%is_usable = recorded%program%is_made
         if (recorded%is_usable) call wire_inputs(recorded%program, spread(column_list(), 1, n_block), recorded%of_samples)
-        if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
-                                      .or. any(model%scene%actuator%drive%side /= side_joint))) &
+        recorded%takes_measures = size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
+                                  .or. any(model%scene%actuator%drive%side /= side_joint)
+        if (recorded%is_usable .and. (recorded%takes_measures .or. n_event(model%scene) > 0)) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
         if (recorded%is_usable .and. present(choice)) &
             call make_look_program(recorded%model, request, choice, sample, recorded%looks, recorded%look)
@@ -185,16 +187,10 @@ contains
         real(wp), allocatable :: law(:, :)                 !! (sample, law)
         integer :: i, k
 
-        if (.not. recorded%measures%is_made) return
+        if (.not. (recorded%takes_measures .and. recorded%measures%is_made)) return
         allocate (law(n, size(recorded%model%scene%laws%law)))
-        call run_program(recorded%measures, out_measures, n, samples%arrays, samples%one_measured, samples%block_measured, &
-                         samples%measured)
+        call take_measures(recorded, n, samples)
         associate (model => recorded%model, book => recorded%model%scene%laws, measured => samples%measured(:samples%n_measure, :n))
-            measured = measured + samples%turned(:, :n)
-            do k = 1, size(book%measure)
-                if (book%measure(k)%kind == measure_time) measured(k, :) = samples%t(:n)
-                if (book%measure(k)%length_power /= 0) measured(k, :) = measured(k, :)/book%scale**book%measure(k)%length_power
-            end do
             call evaluate_laws(book, transpose(measured), law, samples%mode(:n))
             samples%law(:, :n) = transpose(law)
             do i = 1, model%n_load
@@ -228,6 +224,24 @@ contains
             if (spec%kind == law_over) numbers(:n) = numbers(:n) + scale*law(:, spec%law)
         end subroutine add
     end subroutine apply_laws
+
+    !> Measure the first n samples, as the laws mean it.
+    subroutine take_measures(recorded, n, samples)
+        type(recorded_rates), intent(in) :: recorded
+        integer, intent(in) :: n
+        type(rate_samples), intent(inout), target :: samples
+        integer :: k
+
+        call run_program(recorded%measures, out_measures, n, samples%arrays, samples%one_measured, samples%block_measured, &
+                         samples%measured)
+        associate (book => recorded%model%scene%laws, measured => samples%measured(:samples%n_measure, :n))
+            measured = measured + samples%turned(:, :n)
+            do k = 1, size(book%measure)
+                if (book%measure(k)%kind == measure_time) measured(k, :) = samples%t(:n)
+                if (book%measure(k)%length_power /= 0) measured(k, :) = measured(k, :)/book%scale**book%measure(k)%length_power
+            end do
+        end associate
+    end subroutine take_measures
 
     !> Run the first n samples, but those that are left already; says which others are. A part of the inputs may come from columns in
     !> place of the samples, unless something rubs.
