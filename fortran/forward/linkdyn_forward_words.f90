@@ -69,14 +69,14 @@ contains
         end function not_as
     end function tolerance_in_words
 
-    !> "left 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
+    !> "left 4e-10 in 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
     function rounding_in_words(run) result(text)
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: text
 
         text = ""
         associate (i => run%integrator)
-            if (i%n_rough > 0) text = "left "//to_text(i%n_rough)//" of "//to_text(i%n_step) &
+            if (i%n_rough > 0) text = "left "//to_text(i%rough_in_all)//" in "//to_text(i%n_rough)//" of "//to_text(i%n_step) &
                                       //" steps with errors above the tolerance, up to "//to_text(i%roughest)
         end associate
     end function rounding_in_words

@@ -71,6 +71,7 @@ module linkdyn_integrator
         integer :: n_evaluation = 0            !! right-hand sides (blocks)
         integer :: n_rough = 0                 !! steps that rounding left with more than the error allowed
         real(wp) :: roughest = 0               !! largest error of these, relative
+        real(wp) :: rough_in_all = 0           !! sum of their errors, relative
         logical :: is_paused = .false.         !! `advance` came back before its end: call it again
         type(pause_type) :: pause
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
@@ -80,6 +81,7 @@ module linkdyn_integrator
         real(wp), private :: t_jumping = 0
         integer, private :: rejected_before = 0, evaluated_before = 0    !! by the systems exchanged
         integer, private :: rough_before = 0
+        real(wp), private :: rough_in_all_before = 0
         integer(int64), private :: i_step = 0, n_span = 0    !! rk4: steps done, and in all, of the span under way
         real(wp), private :: span_start = 0
         type(rk4_workspace), private :: work
@@ -242,6 +244,7 @@ contains
         self%rejected_before = self%n_rejected
         self%evaluated_before = self%n_evaluation
         self%rough_before = self%n_rough
+        self%rough_in_all_before = self%rough_in_all
         if (all(self%failed)) then
             if (self%options%method == method_rk4) self%i_step = self%i_step - 1
             self%t = self%good_until(1)
@@ -270,6 +273,7 @@ contains
             self%n_evaluation = self%evaluated_before + self%control%count_evaluations() + self%taken%n_evaluation
             self%n_rough = self%rough_before + self%control%n_rough
             self%roughest = max(self%roughest, self%control%roughest)
+            self%rough_in_all = self%rough_in_all_before + self%control%rough_in_all
         end select
     end subroutine count_work
 

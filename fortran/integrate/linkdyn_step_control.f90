@@ -86,6 +86,7 @@ module linkdyn_step_control
         integer, private :: most_rejected = huge(1)    !! before no step is tried any more
         integer :: n_rough = 0                         !! steps that rounding left with more than the error allowed
         real(wp) :: roughest = 0                       !! largest error of these, relative
+        real(wp) :: rough_in_all = 0                   !! sum of their errors, relative
         integer, private :: n_evaluation = 0           !! besides those of the method
         integer, private :: n_accepted = 0             !! steps
         real(wp), private :: excess = 0                !! sum of errors that rounding has left in them, over those asked for
@@ -156,6 +157,9 @@ contains
         self%rate = 0*y
         self%roughness = 0*y
         self%n_rejected = 0
+        self%n_rough = 0
+        self%roughest = 0
+        self%rough_in_all = 0
         self%n_evaluation = 0
         call self%forget()
     end subroutine start
@@ -403,13 +407,21 @@ contains
         relative = maxval(abs(trial%error)/trial%asked)*max(self%rtol, self%atol)
     end function relative_error
 
+    !> What a step on rough ground is off by: an estimate of its error may happen to be less than what rounding makes of it.
+    pure real(wp) function error_left(self, trial) result(relative)
+        type(step_control), intent(in) :: self
+        type(trial_type), intent(in) :: trial
+
+        relative = maxval(max(abs(trial%error), self%roughness*abs(trial%step))/trial%asked)*max(self%rtol, self%atol)
+    end function error_left
+
     !> Go on from the end of a step.
     subroutine keep(self, trial, is_rough)
         type(step_control), intent(inout) :: self
         type(trial_type), intent(in) :: trial
         logical, intent(in) :: is_rough                !! its error is rounding
 
-        real(wp) :: before, part
+        real(wp) :: before, part, left
 
         before = self%next
         self%next = trial%step
@@ -423,7 +435,9 @@ contains
         self%n_accepted = self%n_accepted + 1
         if (part > 1) then
             self%n_rough = self%n_rough + 1
-            self%roughest = max(self%roughest, relative_error(self, trial))
+            left = error_left(self, trial)
+            self%roughest = max(self%roughest, left)
+            self%rough_in_all = self%rough_in_all + left
             if (is_rough) self%excess = self%excess + part
         end if
         self%longest = max(self%longest, trial%step)
@@ -619,8 +633,8 @@ contains
 
         outcome = step_too_rough
         if (.not. is_good_enough(self, self%best)) return
-        call keep(self, self%best, .true.)
         self%roughness = self%best_rough/self%best%step
+        call keep(self, self%best, .true.)
         self%n_unseen = most_unseen
         outcome = step_accepted
     end subroutine keep_best
