@@ -845,6 +845,7 @@ contains
         logical, intent(out) :: failed(lanes)
         integer :: k
 
+        call note_lost_drives(self)
         failed = self%workspace%status /= sample_ok
         if (applies_motion_forces(self)) failed = failed .or. self%of_motion%status /= sample_ok
         do k = 1, self%model%n_q
@@ -857,6 +858,18 @@ contains
         if (.not. self%may_be_torn) failed = failed .or. self%cylinders%impossible > 0
         where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
     end subroutine note_failures
+
+    !> States at which a drive that is given has no force, whose equations have been solved all the same.
+    subroutine note_lost_drives(self)
+        class(forward_system), intent(inout) :: self
+        integer :: k
+
+        do k = 1, self%model%n_actuator
+            if (self%equations%unknown%drive(k)) cycle
+            where (self%workspace%status == sample_ok .and. .not. abs(self%workspace%driving_force(:, k)) <= huge(1.0_wp)) &
+                self%workspace%status = sample_undefined
+        end do
+    end subroutine note_lost_drives
 
     !> Forces that drives apply whatever the state: of a record's samples these are inputs.
     subroutine find_given_forces(self, t, force, has_failed)

@@ -129,6 +129,7 @@ contains
             if (i == 4) instant = max(t, instant - rounding*abs(instant))
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
+            if (all(failed)) return                    ! which is what has been evaluated last: it tells why
             if (i == 1) then
                 call copy(system%n, work%rate, work%first)
                 call copy(system%n, work%rate, work%total)

@@ -671,3 +671,80 @@ def test_angles_that_a_ball_does_not_tell(solver: str) -> None:
 
     assert all(status(variable, rate) == {4} for variable in ("roll", "yaw") for rate in (False, True))
     assert all(status("pitch", rate) == {0} for rate in (False, True))
+
+
+LEFT_BEHIND = """
+space = "planar"
+gravity = [0.0, 0.0]
+
+[frame]
+markers = { A = [0.0, 0.0], D = [1.0, 0.0] }
+
+[[link]]
+name = "crank"
+markers = { A = [0.0, 0.0], B = [0.4, 0.0] }
+mass = 1.0
+inertia = 0.02
+
+[[link]]
+name = "coupler"
+markers = { B = [0.0, 0.0], C = [0.9, 0.0] }
+mass = 2.0
+inertia = 0.2
+
+[[link]]
+name = "rocker"
+markers = { D = [0.0, 0.0], C = [0.4, 0.0] }
+mass = 1.0
+inertia = 0.02
+
+[[joint]]
+name = "A"
+type = "revolute"
+between = ["frame.A", "crank.A"]
+
+[[joint]]
+name = "B"
+type = "revolute"
+between = ["crank.B", "coupler.B"]
+
+[[joint]]
+name = "C"
+type = "revolute"
+between = ["coupler.C", "rocker.C"]
+
+[[joint]]
+name = "D"
+type = "revolute"
+between = ["frame.D", "rocker.D"]
+start = "60 deg"
+
+[[coordinate]]
+joint = "A"
+start = { position = "60 deg", velocity = "1 rad/s" }
+
+[measures]
+bend = { joint = "B" }
+
+[time]
+end = 1.0
+samples = 11
+"""
+BEHIND = {
+    "load": '[[load]]\non = "coupler.B"\nforce = [{ table = "law.csv", over = "bend", argument = "angle", column = "force" }, 0.0]\n',
+    "actuator": '[[actuator]]\njoint = "A"\n'
+    'law = { type = "table", table = "law.csv", over = "bend", argument = "angle", column = "force" }\n',
+}
+
+
+@pytest.mark.parametrize("kind", BEHIND)
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
+def test_a_run_names_the_law_whose_table_it_leaves(tmp_path: Path, method: str, kind: str) -> None:
+    # the table is over a joint variable that is no coordinate: nobody knows before the run how far that goes
+    (tmp_path / "law.csv").write_text("angle [rad],force\n-1.5,0\n-1.2,-1\n-0.9,-2\n", encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(LEFT_BEHIND + BEHIND[kind], encoding="utf-8")
+    run = linkdyn.load(tmp_path / "scene.toml").forward(method=method)
+    assert "has no value: bend = -" in run.attrs["stopped"]
+    assert "is outside its table, -1.5 to -0.9 rad" in run.attrs["stopped"]
+    assert kind in run.attrs["stopped"]
+    assert run.attrs["stopped"].startswith("stopped at t = 0.")
