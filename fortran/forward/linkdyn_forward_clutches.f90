@@ -287,6 +287,7 @@ contains
         real(wp), dimension(lanes, n_held(self%model)) :: push, wanted
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
+        real(wp), dimension(lanes) :: energy_before, energy_after, kinetic
         logical :: takes_part(lanes, n_held(self%model)), failed(lanes)
         integer :: i
 
@@ -294,6 +295,7 @@ contains
         takes_part(:, n_stop(self%model%scene) + 1:) = locks
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
+        call energy_of_motion(self%model, self%look, energy_before, kinetic)
         before = slips(self%model, self%look, level_velocity)
         call find_responses(self, takes_part, .true., response, of_coordinates)
         wanted = 0
@@ -303,8 +305,11 @@ contains
         impulse = push(:, n_stop(self%model%scene) + 1:)
         call self%look_closely(t, y)
         after = slips(self%model, self%look, level_velocity)
+        call energy_of_motion(self%model, self%look, energy_after, kinetic)
         loss = -sum(impulse*(before + after), dim=2)/2
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        if (any(self%layout%rate(:self%model%n_q) == 0)) &
+            call count_drives_work(self%layout, any(locks, dim=2), energy_after - energy_before, loss, y)
         do i = 1, size(locks, 2)
             where (locks(:, i) .and. abs(after(:, i)) > small*maxval(abs(before), dim=2, mask=locks))
                 self%is_driven_through = .true.
@@ -312,6 +317,20 @@ contains
             end where
         end do
     end subroutine lock
+
+    !> What is driven keeps its motion while a clutch closes: its drive works in an impulse, by what the mechanism has gained and the clutch
+    !> has lost.
+    subroutine count_drives_work(layout, has_locked, gained, loss, y)
+        type(state_layout), intent(in) :: layout
+        logical, intent(in) :: has_locked(lanes)
+        real(wp), intent(in), dimension(lanes) :: gained, loss    !! [J]
+        real(wp), intent(inout) :: y(:, :)             !! (lane, n)
+
+        where (has_locked)
+            y(:, layout%work) = y(:, layout%work) + (gained + loss)
+            y(:, layout%supplied) = y(:, layout%supplied) + (gained + loss)
+        end where
+    end subroutine count_drives_work
 
     !> Which of the clutches without slip hold from here, and which way the others slip; what rounding has left of a slip that holds, or
     !> goes the other way, goes.

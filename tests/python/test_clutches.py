@@ -820,3 +820,67 @@ def test_results_of_clutches_are_told_of_what_slips() -> None:
     run = linkdyn.load(Path(__file__).parents[2] / "examples" / "capture" / "scene.toml").forward(t=[0.0, 0.1])
     for name in ("clutch_force", "clutch_slip"):
         assert "joint" not in run[name].attrs["long_name"]
+
+
+DRIVEN = """
+space = "planar"
+gravity = [0.0, 0.0]
+
+[frame]
+markers = { A = [0.0, 0.0], B = [1.0, 0.0] }
+
+[[link]]
+name = "shaft"
+markers = { A = [0.0, 0.0] }
+mass = 1.0
+inertia = 0.5
+
+[[link]]
+name = "load"
+markers = { B = [0.0, 0.0] }
+mass = 1.0
+inertia = 2.0
+
+[[joint]]
+name = "A"
+type = "revolute"
+between = ["frame.A", "shaft.A"]
+
+[[joint]]
+name = "B"
+type = "revolute"
+between = ["frame.B", "load.B"]
+
+[[coordinate]]
+joint = "A"
+driven = true
+motion = { law = "constant-rate", start = 0.0, rate = "10 rad/s" }
+
+[[coordinate]]
+joint = "B"
+start = { position = 0.0, velocity = "2 rad/s" }
+
+[[actuator]]
+joint = "A"
+
+[[clutch]]
+name = "K"
+joint = "A"
+to = "B"
+from = "0.5 s"
+
+[time]
+end = 1.0
+samples = 11
+"""
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex", "rk4"])
+def test_a_drive_works_while_a_clutch_closes(method: str) -> None:
+    """The shaft keeps its 10 rad/s, the load comes from 2 to 10 in no time: the clutch takes J s/2, the drive gives J w."""
+    run = linkdyn.Scene(DRIVEN).forward(method=method, want="power")
+    impulse, slip, speed = 2.0 * (10.0 - 2.0), 10.0 - 2.0, 10.0
+    np.testing.assert_allclose(run.event_loss, [impulse * slip / 2], rtol=1e-12)
+    np.testing.assert_allclose(run.work[[0, -1]], [0.0, impulse * speed], rtol=1e-12)
+    gained = float(run.kinetic_energy[-1] - run.kinetic_energy[0])
+    assert gained == pytest.approx(float(run.work[-1] - run.event_loss[0]), rel=1e-12)
