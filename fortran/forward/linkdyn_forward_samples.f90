@@ -163,9 +163,9 @@ contains
               .and. .not. (samples%is_lost(i) .or. run%has_stopped .or. run%is_over)
         if (.not. may) return
         associate (t_next => samples%t(i + 1))
-            may = (run%integrator%t > t_next .or. (may_wait_for_steps(run) .and. run%system%n_guard == 0)) &
+            may = (run%integrator%t > t_next .or. may_wait_for_steps(run)) &
                   .and. .not. is_there_by(next_kink(run%kinks, run%system), t_next) &
-                  .and. n_clutch(run%model%scene) == 0 .and. n_controller(run%model%scene) == 0
+                  .and. run%system%n_guard == 0 .and. n_clutch(run%model%scene) == 0 .and. n_controller(run%model%scene) == 0
         end associate
     end function may_wait
 
