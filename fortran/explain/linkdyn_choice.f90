@@ -1,7 +1,7 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
-    use linkdyn_model, only: model_type, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_rus, step_pus, step_group, &
-        is_led_dyad, by_branch, by_start, by_markers, by_fit
+    use linkdyn_model, only: model_type, step_type, step_csp, step_rus, step_pus, step_group, is_led_dyad, &
+        by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private

@@ -11,7 +11,7 @@ module linkdyn_dyad_motion
     use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: step_type, step_rrr, step_rpr, step_prp, step_ppr
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), reciprocal
-    use linkdyn_vector, only: vector, zero_vector, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.)
+    use linkdyn_vector, only: vector, zero_vector, operator(+), operator(-), operator(*), operator(.rotate.)
     implicit none (type, external)
     private
     public :: move_dyad
