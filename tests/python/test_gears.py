@@ -372,8 +372,9 @@ def test_many_turns() -> None:
     np.testing.assert_allclose(again.driving_force.values, run.driving_force.values[shuffled], rtol=1e-12)
 
 
-def geared_loop() -> dict[str, Any]:
-    """A crank that gears turn leads a spatial loop closed by iteration; its rocker swings a wheel by a toothed sector."""
+def geared_loop(skew: float) -> dict[str, Any]:
+    """A crank that gears turn leads a spatial loop; its rocker swings a wheel by a toothed sector. With its universal joint skew to the rod
+    the loop is closed by iteration."""
     scene = tilted(pair())
     markers = scene["link"][2]["markers"]
     assert scene["link"][2]["name"] == "wheel"
@@ -384,17 +385,18 @@ def geared_loop() -> dict[str, Any]:
     scene["joint"] += [{"name": "C", "type": "spherical", "between": ["wheel.C", "rod.C"]}, {"name": "D", "type": "universal", "between": ["rocker.D", "rod.D"]},
                        hinge("E", "base.D", "rocker.E")]
     scene["link"][-1]["markers"]["D"] = {"at": [0, 0, 0.3], "axis": [0, 1, 0]}
-    scene["link"][-2]["markers"]["D"] = {"at": [0.5, 0, 0], "axis": [0, 0, 1]}
+    scene["link"][-2]["markers"]["D"] = {"at": [0.5, 0, 0], "axis": [skew, 0, 1]}
     scene["link"][0]["markers"]["W"] = {"at": [1.05, 0.5, 0.05], "axis": [0.1, 1.0, 0.3]}
     scene["link"].append({"name": "wheel2", "markers": {"W": {"at": [0, 0, 0], "axis": [0.1, 1.0, 0.3]}}, "mass": 0.5, "cog": [0.02, 0, 0.01], "inertia": [0.001, 0.001, 0.0015, 0, 0, 0]})
     scene["joint"] += [hinge("W", "base.W", "wheel2.W"), gear("H", "rocker.E", "wheel2.W", [31, 12])]
     return scene
 
 
-def test_loops_and_gears() -> None:
-    scene = geared_loop()
+@pytest.mark.parametrize("skew, road", [(0.1, "Newton"), (0.0, "between base and wheel: closed form")])
+def test_loops_and_gears(skew: float, road: str) -> None:
+    scene = geared_loop(skew)
     mechanism = check_roads(scene)
-    assert "Newton" in mechanism.explain() and "wheel2 by revolute joint W from coordinate E by gears" in mechanism.explain()
+    assert road in mechanism.explain() and "wheel2 by revolute joint W from coordinate E by gears" in mechanism.explain()
     check_balance(scene, 0.4, 1e-6)
     free = copy.deepcopy(scene)
     run = mechanism.forward(t=np.linspace(0, 0.5, 6), rtol=1e-11, atol=1e-11)

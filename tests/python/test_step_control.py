@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +147,9 @@ def test_law_that_begins_with_a_step_is_no_noise(method: str, tolerance: float) 
 def test_length_that_has_failed_is_not_tried_at_once_again() -> None:
     """Loops that cannot be followed along a long step's stages: every second step was refused. At one tolerance chance has a say in
     how many are. 1000 times the tolerance lie between methods."""
-    scene = linkdyn.load(Path(__file__).resolve().parents[2] / "examples" / "spatial_slider_crank" / "scene.toml")
+    content = tomllib.loads((Path(__file__).resolve().parents[2] / "examples" / "spatial_slider_crank" / "scene.toml").read_text())
+    content["link"][1]["markers"]["C"]["axis"] = [0.2, 1.0, 0.0]     # not square to the rod: closed by iteration
+    scene = linkdyn.Scene(content)
     good = scene.forward(t=[0.0, 5.0], method="rk8pd", rtol=1e-12, atol=1e-12)
     steps = rejected = 0
     for tolerance in (1e-6, 1e-7, 1e-8, 1e-9):
