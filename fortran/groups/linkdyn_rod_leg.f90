@@ -154,6 +154,7 @@ contains
         per = reciprocal(radius_2)
         lead%cosine = per*(own%x*n%x + own%y*n%y)
         lead%sine = per*(own%x*n%y - own%y*n%x)
+        lead%slide = zero()
         lead%rod = w - n
         lead%way = vector(-n%y, n%x, zero())
         lead%bend = vector(-n%x, -n%y, zero())
