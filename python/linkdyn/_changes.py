@@ -40,14 +40,13 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any], read: Callable
         The path leads nowhere, or to a new variable or marker that nothing refers to; ``None`` for a key that no scene has.
     """
     result = dict(scene)
-    idle, own = [], set()
+    idle = []
     for path, value in changes.items():
         if not path:
             raise InputError("with_: '' is no path (expected such as 'link.crank.mass')")
         top = re.split(r"[.[]", path)[0]
-        if top in result and top not in own:   # the rest is the scene's
-            result[top] = copy.deepcopy(result[top])
-            own.add(top)
+        if top in scene and result.get(top) is scene[top]:   # what no path leads into stays the scene's
+            result[top] = copy.deepcopy(scene[top])
         before = copy.deepcopy(result) if value is None else None
         _put(result, path, path, value)
         if result == before:

@@ -8,13 +8,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ._listing import only
+
 __all__ = ["executable", "main", "quadruple_twin"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 PROGRAMS = Path(__file__).parent / "_bin"
 WITH_SHEET = ("inverse", "forward", "sweep")

@@ -12,13 +12,9 @@ from ._cycle.energy import duty_cycle, energy, flywheel
 from ._cycle.shaking import shaking
 from ._cycle.transmissions import cylinder, motor
 from ._geometry.marker_motion import marker, relative_pose
+from ._listing import only
 
 __all__ = [
     "bearing_life", "contributions", "cylinder", "duty_cycle", "energy", "flywheel", "marker", "motor", "plain_bearing", "relative_pose", "shaking", "shares",
 ]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)

@@ -12,14 +12,11 @@ from __future__ import annotations
 import os
 from typing import Any, Literal
 
+from ._listing import only
 from ._words import Law, Quantity, Table, table_of
 
 __all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "valve", "voltage"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
+__dir__ = only(__all__)
 
 
 def inverse() -> Table:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
+from ._listing import only
+
 __all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "MissingFileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 LONGEST = 200
 """Characters of another package's message that one quotes."""

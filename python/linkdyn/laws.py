@@ -14,14 +14,11 @@ import os
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from ._listing import only
 from ._words import Quantity, Table, table_of
 
 __all__ = ["constant", "constant_rate", "cycloidal", "cycloidal_start", "harmonic", "polynomial_345", "table"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
+__dir__ = only(__all__)
 
 
 def constant(value: Quantity) -> Table:

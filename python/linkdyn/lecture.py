@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _engine
 from ._arguments import as_count, quoted
+from ._listing import only
 from .errors import InputError
 
 __all__ = [
@@ -72,12 +73,7 @@ __all__ = [
     "FD_CSP_LINKS",
     "FD_S_COUPLER_POINT",
 ]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 _api: Any = _engine.linkdyn_f2py_lecture  # called with lists of packed arguments, whose number a type does not say
 

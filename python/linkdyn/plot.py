@@ -20,6 +20,7 @@ from ._drawing.lines import abscissa, colour, draw_lines, line, scale_axis
 from ._drawing.mechanisms import mechanism
 from ._drawing.style import BAD, as_written, put_heading
 from ._drawing.sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
+from ._listing import only
 from .errors import InputError
 from .scene import Scene
 
@@ -43,12 +44,7 @@ __all__ = [
     "study",
     "workspace",
 ]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 scene3d = mechanism
 

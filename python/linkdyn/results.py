@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path, quoted
+from ._listing import only
 from ._output import scene_inputs
 from .errors import FileError, InputError, MissingFileError
 
@@ -27,12 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "instants_of", "need_result", "read", "result_shapes", "run_attributes", "with_instants",
 ]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""

@@ -26,6 +26,7 @@ from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
 from ._keys import told_by_keys
+from ._listing import only
 from ._other_assemblies import count_others
 from ._output import scene_inputs
 from ._pose import Pose, as_poses, attitude_variables, pose_columns, quaternion_of
@@ -40,12 +41,7 @@ if TYPE_CHECKING:
     from .simulator import Simulator
 
 __all__ = ["Scene", "Poses", "load"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
 from ._arguments import as_finite, as_floats, as_number, as_positive, quoted
+from ._listing import only
 from .errors import InputError, LinkdynError
 from .results import time_axis
 
@@ -19,11 +20,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 __all__ = ["Simulator", "SimulatorState"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
+__dir__ = only(__all__)
 
 
 class SimulatorState:

@@ -11,16 +11,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from ._listing import only
 from .cli import executable, quadruple_twin
 from .errors import LinkdynError
 
 __all__ = ["run_study"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 AGAINST = "  errors against the "
 """Begins the line of the report that says what errors are measured against."""

@@ -10,16 +10,12 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from . import _bind
+from ._listing import only
 from ._output import Inputs, refuse_inputs, write_by
 from .results import run_attributes
 
 __all__ = ["run_sweep"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 MOST_READ = 1 << 20
 """Kept samples read from their file at a time."""

@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 
 from ._drawing.forces import force_kinds
 from ._drawing.style import readable
+from ._listing import only
 from ._view.data import describe
 from ._view.page import bundle
 from .errors import InputError
 from .scene import Scene
 
 __all__ = ["Live"]
-
-
-def __dir__() -> list[str]:
-    """What there is for users; what it is made of is not listed."""
-    return sorted(__all__)
-
+__dir__ = only(__all__)
 
 TURN, REACH = math.pi, 0.25
 """To each side of the start a slider goes so far without a motion to tell: [rad], and part of the links' largest size."""
