@@ -75,13 +75,35 @@ contains
         type(model_type), intent(in) :: model
         type(kernel_family), pointer, intent(out) :: family
 
+        character(len=:), allocatable :: key
+        integer, allocatable :: varying(:)
+
+        nullify (family)
+        call describe(model, key, varying)
+        if (len(key) > 0) call found_described(model, key, varying, family)
+    end subroutine found_family
+
+    subroutine found_described(model, key, varying, family)
+        type(model_type), intent(in) :: model
+        character(len=*), intent(in) :: key
+        integer, intent(in) :: varying(:)
+        type(kernel_family), pointer, intent(out) :: family
+
         allocate (family)
         family%head = model
+        family%key = key
+        family%varying = varying
+    end subroutine found_described
+
+    subroutine describe(model, key, varying)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable, intent(out) :: key      !! what models have in common; empty: it is like none
+        integer, allocatable, intent(out) :: varying(:)        !! numbers that are inputs
+
         call hold_texts()
-        call describe_alike(model, family%key, family%varying)
+        call describe_alike(model, key, varying)
         call release_texts()
-        if (len(family%key) == 0) deallocate (family)
-    end subroutine found_family
+    end subroutine describe
 
     !> The family of a list that a model belongs to: a new one, if it is the first of its kind. Null: it is like none, or differs in
     !> more than numbers from all of so many that kernels of its own are no loss.
@@ -94,9 +116,7 @@ contains
         integer, allocatable :: varying(:)
         integer :: n
 
-        call hold_texts()
-        call describe_alike(model, key, varying)
-        call release_texts()
+        call describe(model, key, varying)
         n = 0
         family => first
         do while (associated(family))
@@ -105,7 +125,7 @@ contains
             family => family%next
         end do
         if (len(key) == 0 .or. n == most) return
-        call found_family(model, family)
+        call found_described(model, key, varying, family)
         family%next => first
         first => family
     end subroutine find_family
@@ -130,9 +150,7 @@ contains
         integer, allocatable :: varying(:)
 
         if (allocated(family%key)) then
-            call hold_texts()
-            call describe_alike(model, key, varying)
-            call release_texts()
+            call describe(model, key, varying)
             if (key /= family%key) return
         end if
         call hold_records()

@@ -2,7 +2,8 @@
 !> some, with numbers for inputs. Who holds them may come and go on any thread; they end with the last one.
 module linkdyn_relatives
     use linkdyn_equation_kernels, only: kernel_family, find_family, end_family
-    use linkdyn_lock, only: hold_lock, release_lock, hold_records, release_records
+    use linkdyn_holders, only: holder_count
+    use linkdyn_lock, only: hold_records, release_records
     use linkdyn_model, only: model_type
     implicit none (type, external)
     private
@@ -10,7 +11,7 @@ module linkdyn_relatives
 
     type :: relatives
         type(kernel_family), pointer, private :: first => null()    !! a list: a scene may be made of another by more than numbers
-        integer, private :: n_holder = 0                            !! changed under the lock alone
+        type(holder_count), private :: holders
     end type relatives
 
 contains
@@ -22,9 +23,7 @@ contains
 
         mine => of_another
         if (.not. associated(mine)) allocate (mine)
-        call hold_lock()
-        mine%n_holder = mine%n_holder + 1
-        call release_lock()
+        call mine%holders%come()
     end subroutine hold_relatives
 
     !> Those whose kernels serve a model too; null: it needs its own.
@@ -45,10 +44,7 @@ contains
         logical :: is_last
 
         if (.not. associated(mine)) return
-        call hold_lock()
-        mine%n_holder = mine%n_holder - 1
-        is_last = mine%n_holder == 0
-        call release_lock()
+        call mine%holders%go(is_last)
         if (is_last) then
             do while (associated(mine%first))
                 family => mine%first

@@ -4,7 +4,8 @@ module linkdyn_shared_programs
     use linkdyn_equation_kernels, only: kernel_family, found_for_one, end_family
     use linkdyn_equation_programs, only: make_drive_program
     use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
-    use linkdyn_lock, only: hold_lock, release_lock, hold_records, release_records
+    use linkdyn_holders, only: holder_count
+    use linkdyn_lock, only: hold_records, release_records
     use linkdyn_model, only: model_type
     use linkdyn_recorded_rates, only: recorded_rates, free_rates
     use linkdyn_representatives, only: representative_poses
@@ -20,7 +21,7 @@ module linkdyn_shared_programs
         type(representative_poses) :: poses                    !! of the mechanism
         type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
         type(lane_program), pointer, private :: drives => null()       !! of laws that compare a joint's motion with another
-        integer, private :: n_holder = 0                       !! changed under the lock alone
+        type(holder_count), private :: holders
     end type shared_programs
 
 contains
@@ -32,9 +33,7 @@ contains
 
         if (present(of_another)) mine => of_another
         if (.not. associated(mine)) allocate (mine)
-        call hold_lock()
-        mine%n_holder = mine%n_holder + 1
-        call release_lock()
+        call mine%holders%come()
     end subroutine hold_programs
 
     !> Kernels of the equations of the one mechanism that all who hold these programs run; null: nobody shares any.
@@ -91,10 +90,7 @@ contains
         logical :: is_last
 
         if (.not. associated(mine)) return
-        call hold_lock()
-        mine%n_holder = mine%n_holder - 1
-        is_last = mine%n_holder == 0
-        call release_lock()
+        call mine%holders%go(is_last)
         if (is_last) then
             call free(mine%rates)
             call free(mine%of_motion)
