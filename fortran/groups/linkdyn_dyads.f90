@@ -15,7 +15,7 @@ module linkdyn_dyads
     implicit none (type, external)
     private
     public :: place_dyad, find_ways
-    public :: half_type, half_of, outer_point, left_of, inner_point, led_axis
+    public :: half_type, half_of, outer_point, left_of, inner_point, inner_marker, led_axis, drawn_arm
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are products, relative to the lengths in them
 
@@ -238,8 +238,7 @@ contains
             type(vector) :: arm
 
             if (half(i)%led > 0) then
-                arm = point_position(mechanism%bodies, half(i)%tip, inner_marker(mechanism, half(i))) &
-                      - outer_point(mechanism, half(i))
+                arm = drawn_arm(mechanism, half(i))
             else
                 arm = rotation_of(mechanism%bodies, half(i)%link) .rotate.own_arm(mechanism, half(i))
             end if
@@ -323,11 +322,29 @@ contains
 
         point = inner_marker(mechanism, half)
         if (half%led == 0) return
-        point = marker_point(mechanism, half%led, half%led_side) + mechanism%q(half%given)*led_axis(mechanism, half) &
+        point = led_point(mechanism, half) &
                 + in_link(mechanism, half, point - marker_point(mechanism, half%led, 3 - half%led_side))
     end function inner_point
 
-    !> The same in the axes of the tip.
+    !> Where the slide inside a half has drawn the tip's marker, in the axes of the link.
+    function led_point(mechanism, half) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: point
+
+        point = marker_point(mechanism, half%led, half%led_side) + mechanism%q(half%given)*led_axis(mechanism, half)
+    end function led_point
+
+    !> From the outer to the inner joint of a half with a slide, as it is placed, world axes.
+    function drawn_arm(mechanism, half) result(arm)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: arm
+
+        arm = point_position(mechanism%bodies, half%tip, inner_marker(mechanism, half)) - outer_point(mechanism, half)
+    end function drawn_arm
+
+    !> The inner joint's point in the axes of the tip.
     function inner_marker(mechanism, half) result(point)
         type(mechanism_type), intent(in) :: mechanism
         type(half_type), intent(in) :: half
@@ -388,7 +405,6 @@ contains
     subroutine place_tips(mechanism, half)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
-        type(vector) :: gap
         integer :: i
 
         do i = 1, 2
@@ -396,9 +412,7 @@ contains
             associate (bodies => mechanism%bodies, link => half(i)%link, tip => half(i)%tip)
                 if (bodies%body(tip)%turning /= bodies%body(link)%turning) &
                     bodies%turning(bodies%body(tip)%turning)%r = rotation_of(bodies, link)*turn_of_tip(mechanism, half(i))
-                gap = marker_point(mechanism, half(i)%led, half(i)%led_side) &
-                      + mechanism%q(half(i)%given)*led_axis(mechanism, half(i))
-                bodies%body(tip)%position = point_position(bodies, link, gap) &
+                bodies%body(tip)%position = point_position(bodies, link, led_point(mechanism, half(i))) &
                     - (rotation_of(bodies, tip) .rotate.marker_point(mechanism, half(i)%led, 3 - half(i)%led_side))
                 call set_slide(mechanism, half(i)%led, mechanism%q(half(i)%given))
             end associate

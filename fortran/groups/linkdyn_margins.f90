@@ -4,8 +4,8 @@
 !> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
 !> coupler's axis, of a leg with a rod between this and the way of its end. Who integrates a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
-    use linkdyn_bodies, only: world_axes, omega_of, point_position, point_velocity, rotation_of
-    use linkdyn_dyads, only: half_type, half_of, outer_point
+    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_dyads, only: half_type, half_of, inner_marker, drawn_arm
     use linkdyn_joint_table, only: joint_prismatic
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
     use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, side_of
@@ -73,12 +73,9 @@ contains
         omega = omega_of(mechanism%bodies, half%link, world_axes)
         turn = omega%z
         if (half%led == 0 .or. mechanism%model%joint(half%outer)%kind == joint_prismatic) return
-        associate (bodies => mechanism%bodies)
-            arm = point_position(bodies, half%tip, marker_point(mechanism, half%inner, half%inner_side)) &
-                  - outer_point(mechanism, half)
-            rate = point_velocity(bodies, half%tip, marker_point(mechanism, half%inner, half%inner_side)) &
-                   - point_velocity(bodies, half%link, marker_point(mechanism, half%outer, half%side))
-        end associate
+        arm = drawn_arm(mechanism, half)
+        rate = point_velocity(mechanism%bodies, half%tip, inner_marker(mechanism, half)) &
+               - point_velocity(mechanism%bodies, half%link, marker_point(mechanism, half%outer, half%side))
         normal = arm.cross.rate
         turn = normal%z*reciprocal(arm.dot.arm)
     end function turn_of_way

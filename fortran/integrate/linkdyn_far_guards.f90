@@ -10,17 +10,32 @@
 !>
 !> All else is looked through. So steps and instants of crossings are what they would be without this look.
 module linkdyn_far_guards
-    use linkdyn_crossings, only: step_taken
+    use linkdyn_crossings, only: step_taken, find_crossing
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     implicit none (type, external)
     private
-    public :: look_afar
+    public :: look_afar, look_for_crossing
 
     integer, parameter :: n_quarter = 4
 
 contains
+
+    !> The first crossing in a step, which is looked through only where it has to be.
+    subroutine look_for_crossing(system, step, n_part, share, has_crossed, are_far)
+        class(lane_system), intent(inout) :: system
+        class(step_taken), intent(inout) :: step
+        integer, intent(in) :: n_part                      !! to be looked at, at least
+        real(wp), intent(out) :: share(lanes)              !! of its length, just behind the crossing; 1: there is none
+        logical, intent(out) :: has_crossed(:, :)          !! there (lane, n_guard)
+        logical, intent(out) :: are_far                    !! all guards, from zero
+
+        share = 1
+        has_crossed = .false.
+        call look_afar(system, step, n_part, are_far)
+        if (.not. are_far) call find_crossing(system, step, share, has_crossed, n_part)
+    end subroutine look_for_crossing
 
     !> Do all guards stay far from zero in a step that all lanes share? What they have been then counts for their scales.
     subroutine look_afar(system, step, n_part, are_far)

@@ -3,7 +3,7 @@ module linkdyn_integrator
     use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_crossings, only: step_taken, find_crossing, note_sides, most_pieces
-    use linkdyn_far_guards, only: look_afar
+    use linkdyn_far_guards, only: look_afar, look_for_crossing
     use linkdyn_gbs, only: gbs_method
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -651,12 +651,10 @@ contains
         taken%rate = spread(rate, 1, lanes)
         call system%evaluate_alone(self%t, solution, rate, failed)
         taken%rate_end = spread(rate, 1, lanes)
-        self%has_crossed = .false.
         self%is_at_crossing = .false.
         n_part = parts_to_look_at(self, taken%length(1))
-        call look_afar(system, taken, n_part, self%are_far)
-        if (self%are_far) return
-        call find_crossing(system, taken, share, self%has_crossed, n_part)
+        call look_for_crossing(system, taken, n_part, share, self%has_crossed, self%are_far)
+        if (self%are_far) return                                ! the end of the step is what has been evaluated last
         if (any(self%has_crossed)) then
             call solve_part(taken, system, 1.0_wp, by_other)
             if (all(abs(by_other) <= huge(1.0_wp))) then
@@ -848,16 +846,11 @@ contains
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp) :: share(lanes)
-        integer :: n_part
 
-        self%has_crossed = .false.
-        self%is_at_crossing = .false.
-        n_part = parts_to_look_at(self, self%taken%length(1))
-        call look_afar(system, self%taken, n_part, self%are_far)
-        if (self%are_far) return
-        call find_crossing(system, self%taken, share, self%has_crossed, n_part)
+        call look_for_crossing(system, self%taken, parts_to_look_at(self, self%taken%length(1)), share, self%has_crossed, &
+                               self%are_far)
         self%is_at_crossing = any(self%has_crossed)
-        call self%control%shorten(system, self%taken, share(1))
+        if (.not. self%are_far) call self%control%shorten(system, self%taken, share(1))
     end subroutine end_at_crossing
 
     !> From an accepted step to the next.
