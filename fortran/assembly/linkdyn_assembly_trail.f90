@@ -661,7 +661,7 @@ contains
         type(kinematic_state), intent(in) :: state   !! where it ended
         type(dead_end), intent(inout) :: known
 
-        if (.not. is_end(report%outcome(lane))) return
+        if (.not. (is_end(report%outcome(lane)) .and. is_way_short(model, way))) return
         call known%note(way, report%outcome(lane), report%reached(lane), report%n_crossed(lane))
         if (model%n_branch > 0) known%branch = state%branch(lane, :)
         if (size(model%group) == 0) return

@@ -1,7 +1,7 @@
 !> Where a straight way in the space of the coordinates came to its end. Any longer way from the same place in the same
-!> direction leads through there, and ends there too: no need to go it.
+!> direction leads through there, and ends there too: no need to go it. Where patience ended a longer way has hardly more.
 module linkdyn_dead_end
-    use linkdyn_following, only: way_arrived, way_ends, way_forks
+    use linkdyn_following, only: way_arrived, way_ends, way_forks, way_too_long
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -22,11 +22,11 @@ module linkdyn_dead_end
 
 contains
 
-    !> Is the outcome of a way an end of the assembly, not of patience?
+    !> Is the outcome of a way that was gone an end, of the assembly or of patience?
     pure logical function is_end(outcome)
         integer, intent(in) :: outcome               !! one of `way_*`
 
-        is_end = outcome == way_ends .or. outcome == way_forks
+        is_end = any(outcome == [way_ends, way_forks, way_too_long])
     end function is_end
 
     !> Remember how a way came to its end.

@@ -20,7 +20,8 @@ contains
     subroutine collect_dead_ends(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("groups driven beyond their reach and back", test_groups)]
+        tests = [new_test("groups driven beyond their reach and back", test_groups), &
+                 new_test("a wheel that no way is patient enough for", test_patience)]
     end subroutine collect_dead_ends
 
     !> A coordinate goes out of reach on either side and comes back, the others rest. Every sample comes out as it does to one
@@ -65,4 +66,31 @@ contains
             end do
         end do
     end subroutine test_groups
+
+    !> A crank whose wheel turns another one 3e10 times as fast: no way gets anywhere, and few are gone for nothing.
+    subroutine test_patience(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 720
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(assembly_trail) :: trail
+        type(sample_assembly) :: assembly
+        real(wp) :: q(1, n)
+        integer :: sample
+
+        call read_scene("examples/geared_fivebar/scene.toml", scene, status)
+        if (status%is_ok()) then
+            associate (gear => scene%joint(findloc(scene%joint%name == "wheels", .true., dim=1)))
+                gear%wheel(1) = 1.0e12_wp
+            end associate
+            call build_model(scene, model, status)
+        end if
+        call check(error, status%is_ok(), trim(status%message))
+        if (allocated(error%message)) return
+        q(1, :) = model%start_q(1) + [(2*pi*sample/n, sample=1, n)]
+        call follow_assembly(model, q, trail, assembly)
+        call check(error, count(assembly%status == sample_ok) < n, "some samples are not reached")
+        call check(error, trail%n_way <= 3*lanes, to_text(trail%n_way)//" ways")
+    end subroutine test_patience
 end module test_dead_ends

@@ -7,6 +7,7 @@ process gets what Ctrl-C sends; a run or a sweep may be at work for as long as i
 from __future__ import annotations
 
 import faulthandler
+import math
 import os
 import pickle
 import resource
@@ -20,8 +21,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-PATIENCE = float(os.environ.get("LINKDYN_FUZZ_PATIENCE", "1"))
-"""How much slower than usual this build computes."""
+
+def slowness() -> float:
+    """How much slower than usual this machine computes: by the best of a few short loops."""
+    usual = 8e-9
+    """[s] an addition, about, on the machine on which a case takes hundredths of a second."""
+    n = 100_000
+    best = math.inf
+    for _ in range(5):
+        before = time.process_time()
+        sum(range(n))
+        best = min(best, time.process_time() - before)
+    return min(max(best / (n * usual), 1.0), 10.0)
+
+
+PATIENCE = float(os.environ.get("LINKDYN_FUZZ_PATIENCE", "1")) * slowness()
+"""How much slower than usual this build on this machine computes."""
 ENOUGH, HEARS = 2.0 * PATIENCE, 2.0 * PATIENCE
 """[s] of computing; a case takes hundredths. An interrupt is to be heard within a second."""
 STUCK = 120.0 * PATIENCE
