@@ -270,6 +270,7 @@ module linkdyn_model
         integer :: n_leg = 0
         integer :: n_dyad = 0
         integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space CSP groups and legs with rods
+        logical :: closed_forms = .true.      !! are used where there are some; false: everything by Newton's method, to compare with
         real(wp), allocatable :: least_margin(:)    !! of each map: below it is not told from zero (n_branch + groups)
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial

@@ -32,7 +32,6 @@ module linkdyn_planner
         type(step_type), allocatable :: step(:)
         integer :: n_step = 0
         integer :: n_group = 0
-        logical :: closed_forms = .true.        !! are to be used where there are some
         real(wp), allocatable :: stand(:, :, :) !! how legs stand that are closed in any axes; absent: none are
         logical, allocatable :: known(:)        !! (0:n_link)
         logical, allocatable :: is_used(:)      !! sums that gears keep and that have given a variable (loose)
@@ -64,7 +63,7 @@ contains
     subroutine plan_steps(model, status, closed_forms, stand, briefly)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
-        logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
+        logical, intent(in), optional :: closed_forms    !! see `model_type`; absent: as the model was planned before
         real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): there,
                                                          !! legs are closed as they stand, in whatever axes they are written
         logical, intent(in), optional :: briefly         !! nobody will read why joints over-constrain their links: to find the words
@@ -76,7 +75,7 @@ contains
         integer :: g
 
         if (.not. status%is_ok()) return
-        if (present(closed_forms)) plan%closed_forms = closed_forms
+        if (present(closed_forms)) model%closed_forms = closed_forms
         if (present(stand)) allocate (plan%stand, source=stand)
         call forget_loose(model)
         allocate (plan%is_used(size(model%loose)), source=.false.)
@@ -222,7 +221,7 @@ contains
         n_before = plan%n_step
         if (size(member) == 1) call lead_link(model, member(1), plan)
         call lead_in_group(model, member, plan)
-        if (plan%closed_forms) call place_directly()
+        if (model%closed_forms) call place_directly()
         if (status%is_ok() .and. plan%n_step == n_before) call add_newton_group(model, member, plan, status)
         call refuse_gear_in_group(model, plan, status)
 
