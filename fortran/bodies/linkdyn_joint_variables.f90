@@ -176,11 +176,13 @@ contains
         qdd = all(variable)
     end function variable_acceleration
 
-    !> The coordinate that a joint variable is; 0: none.
+    !> The coordinate that a joint variable is; 0: none, or one that says nothing, as where a quaternion gives a ball joint's attitude.
     pure integer function coordinate_of_variable(mechanism, j, variable) result(k)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j, variable
 
+        k = 0
+        if (allocated(mechanism%quaternion) .and. mechanism%model%joint(j)%attitude > 0) return
         associate (coordinate => mechanism%model%scene%coordinate)
             do k = 1, size(coordinate)
                 if (coordinate(k)%kind == coordinate_joint .and. coordinate(k)%joint == j &

@@ -4,7 +4,8 @@ module linkdyn_description
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_given_attitudes, only: attitude_name
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose
+    use linkdyn_model, only: model_type, step_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose, &
+        step_parts
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
         load_spec, marker_spec, spring_spec, stop_spec, cam_spec, follower_name, measure_joint, &
@@ -135,11 +136,20 @@ contains
             if (model%step(s)%first /= attitude) cycle
             c = attitude_angles(model%step(s))
             text = "{"//pair("name", string(attitude_name(model, attitude)))//","// &
-                   pair("is_pose", logical_value(model%step(s)%kind == step_pose))//","// &
+                   pair("is_pose", logical_value(comes_with_place(model%step(s))))//","// &
                    pair("angles", numbers(real(c - 1, wp)))//","// &
                    pair("by_table", logical_value(model%scene%coordinate(c(1))%motion%angle > 0))//"}"
         end do
     end function attitude_object
+
+    !> Are the coordinates before an attitude's angles the place of the same link, or of a marker of it?
+    pure logical function comes_with_place(step)
+        type(step_type), intent(in) :: step
+        integer :: k
+
+        comes_with_place = step%kind == step_pose
+        if (step%kind == step_parts) comes_with_place = all(step%coordinate == [(step%coordinate(4) - 4 + k, k=1, 6)])
+    end function comes_with_place
 
     !> Assemblies of a model, each with its branches, joint variables and places of the links.
     function assemblies_as_json(model, list) result(text)

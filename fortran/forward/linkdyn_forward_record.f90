@@ -20,7 +20,7 @@ module linkdyn_forward_record
     use linkdyn_led_groups, only: lead_places
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, step_pose, gives_attitude, link_freedom, place_size
+    use linkdyn_model, only: model_type, link_freedom, place_size
     use linkdyn_motion, only: evaluate_loads, loads_are_constant, is_constant
     use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
@@ -70,14 +70,8 @@ contains
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        integer :: i
 
-        can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) &
-                          .and. motors_can_be_recorded(model)
-        do i = 1, size(model%step)
-            if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
-            can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0
-        end do
+        can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) .and. motors_can_be_recorded(model)
     end function can_be_recorded
 
     !> Evaluations on lanes that take about as long as the making of a record: whoever makes fewer has none.

@@ -55,9 +55,10 @@ contains
     end subroutine take_pose
 
     !> A link whose parts of a pose, of a point and of the attitude, both as a known link sees them, give all of it.
-    subroutine take_parts(mechanism, step)
+    subroutine take_parts(mechanism, step, quaternion)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step                !! joints: position, attitude
+        type(value), intent(in), optional :: quaternion(4)    !! see `walk_joint`
         type(value), dimension(6) :: q, qd
         integer :: k
 
@@ -68,7 +69,7 @@ contains
             q(k) = mechanism%q(step%coordinate(k))
             qd(k) = mechanism%qd(step%coordinate(k))
         end do
-        call walk_joint(mechanism, step%joint(1), .false., q, qd, attitude=step%joint(2))
+        call walk_joint(mechanism, step%joint(1), .false., q, qd, quaternion, step%joint(2))
     end subroutine take_parts
 
     !> The link behind a joint whose variables and rates are known.
@@ -78,7 +79,8 @@ contains
         integer, intent(in) :: j                       !! joint
         logical, intent(in) :: from_second             !! its second link is known, the first is placed
         type(value), intent(in) :: q(:), qd(:)         !! its variables, whose rates the mechanism knows [m, rad]
-        type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint; the rates are then about the first marker's axes
+        type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint, or of that other one; the rates are then about
+                                                       !! the first marker's axes
         integer, intent(in), optional :: attitude      !! that other joint, whose variables follow
         type(joint_shift) :: shift
         type(vector) :: w(2), s(3)

@@ -48,7 +48,7 @@ contains
         type(system_type), intent(inout), optional :: equations
         type(value), allocatable :: quaternion(:)
 
-        if (allocated(mechanism%quaternion) .and. (step%kind == step_pose .or. step%kind == step_joint) .and. step%first > 0) &
+        if (allocated(mechanism%quaternion) .and. any(step%kind == [step_pose, step_joint, step_parts]) .and. step%first > 0) &
             quaternion = mechanism%quaternion(:, step%first)
         select case (step%kind)
         case (step_pose)
@@ -59,7 +59,7 @@ contains
                 call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k), quaternion)
             end associate
         case (step_parts)
-            call take_parts(mechanism, step)
+            call take_parts(mechanism, step, quaternion)
         case (step_ups)
             call close_leg(mechanism, step, equations)
         case (step_csp)

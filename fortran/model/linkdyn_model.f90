@@ -591,7 +591,7 @@ contains
 
         gives_attitude = .false.
         if (model%is_planar) return
-        gives_attitude = step%kind == step_pose
+        gives_attitude = step%kind == step_pose .or. step%kind == step_parts
         if (step%kind == step_joint) gives_attitude = model%joint(step%joint(1))%kind == joint_spherical
     end function gives_attitude
 
@@ -600,7 +600,7 @@ contains
         type(step_type), intent(in) :: step
         integer :: coordinate(3)
 
-        coordinate = merge(step%coordinate(4:6), step%coordinate(1:3), step%kind == step_pose)
+        coordinate = merge(step%coordinate(1:3), step%coordinate(4:6), step%kind == step_joint)
     end function attitude_angles
 
     !> Steps that turn their links by three angles have a place for the attitude in the workspace.
@@ -614,6 +614,7 @@ contains
             model%n_attitude = model%n_attitude + 1
             model%step(i)%first = model%n_attitude
             if (model%step(i)%kind == step_joint) model%joint(model%step(i)%joint(1))%attitude = model%n_attitude
+            if (model%step(i)%kind == step_parts) model%joint(model%step(i)%joint(2))%attitude = model%n_attitude
         end do
     end subroutine number_attitudes
 

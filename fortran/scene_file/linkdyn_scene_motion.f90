@@ -284,7 +284,9 @@ contains
         end do
         known = pose_component_name(components)
         start = place%node%get("start")
-        if (start%is_present()) then
+        if (n == size(possible) .and. tells_whole_pose(start)) then
+            call read_pose_start(place, scene%planar, coordinate(:n), status)
+        else if (start%is_present()) then
             inner = place_at(place, start, trim(place%what)//", start")
             call require_table(inner, "a table with the components, { "//trim(known(1))//" = .. }", status)
             call allow_keys(inner, known, status)
@@ -299,6 +301,21 @@ contains
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate(:n)%is_driven = coordinate(1)%is_driven
     end subroutine read_part_of_pose
+
+    !> Is a start written as that of a link's pose, not component by component?
+    logical function tells_whole_pose(start)
+        type(toml_node), intent(in) :: start
+        character(len=*), parameter :: key(*) = [character(len=16) :: "position", "velocity", "angle", "angular_rate", &
+                                                 attitude_key, "angular_rates", "angular_velocity"]
+        type(toml_node) :: node
+        integer :: i
+
+        tells_whole_pose = .false.
+        do i = 1, size(key)
+            node = start%get(trim(key(i)))
+            tells_whole_pose = tells_whole_pose .or. node%is_present()
+        end do
+    end function tells_whole_pose
 
     !> The key `components`: each once, in the order of x y z roll pitch yaw.
     subroutine read_components(place, possible, components, status)

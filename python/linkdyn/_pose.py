@@ -62,18 +62,18 @@ class Pose:
     Parameters
     ----------
     position
-        (N, 3) of the link's origin [m]; of a ball joint none.
+        (N, 3) of the link's origin, or of the marker whose pose the coordinates are [m]; of a ball joint none.
     quaternion
-        (N, 4) w x y z, of any length but zero: from link axes to world axes (of a ball joint, from the second marker's axes to the
-        first's). Or one of the two that follow.
+        (N, 4) w x y z, of any length but zero: from link axes to world axes (of a pose ``relative_to`` a link, to that link's; of a
+        ball joint, from the second marker's axes to the first's). Or one of the two that follow.
     rotation
         (N, 3, 3) rotation matrices.
     matrix
         (N, 4, 4) homogeneous matrices, which tell the position as well.
     velocity, acceleration
-        (N, 3) of the origin [m/s, m/s2]; left out, zero.
+        (N, 3) of that point [m/s, m/s2]; left out, zero.
     angular_velocity, angular_acceleration
-        (N, 3) in world axes (of a ball joint, in the first marker's) [rad/s, rad/s2]; left out, zero.
+        (N, 3) in the axes to which the quaternion leads, as their link sees it [rad/s, rad/s2]; left out, zero.
 
     Examples
     --------
@@ -204,18 +204,19 @@ def as_poses(given: Mapping[str, Any], description: Mapping[str, Any]) -> dict[s
         if not isinstance(pose, Pose):
             raise InputError(f"pose[{name!r}]: expected a linkdyn.Pose, got {type(pose).__name__}")
         if pose.has_position != known[name]["is_pose"]:
-            raise InputError(f"pose[{name!r}]: {'expected position' if known[name]['is_pose'] else 'position: a ball joint has none'}")
+            raise InputError(f"pose[{name!r}]: {'expected position' if known[name]['is_pose'] else 'position: these coordinates have none'}")
         sizes.add(len(pose))
     if len(sizes) > 1:
         raise InputError(f"pose: expected as many samples of each, got {', '.join(map(str, sorted(sizes)))}")
     return dict(given)
 
 
-def pose_columns(scene: Scene, name: str) -> range:
+def pose_columns(scene: Scene, name: str) -> list[int]:
     """Coordinates that a pose tells."""
     attitude = next(attitude for attitude in scene.description["attitudes"] if attitude["name"] == name)
-    first = int(attitude["angles"][0])
-    return range(first - 3 if attitude["is_pose"] else first, first + 3)
+    angles = [int(angle) for angle in attitude["angles"]]
+    place = list(range(angles[0] - 3, angles[0])) if attitude["is_pose"] else []
+    return place + angles
 
 
 def attitude_variables(given: Mapping[str, Pose]) -> dict[str, Any]:

@@ -145,6 +145,66 @@ def test_platform_at_its_pole(kind: str, solver: str) -> None:
     close(run.quaternion[:, 0], quaternions(rotation_of(given[0]) * BY) / 1.0)
 
 
+def seen_from_carriage(coordinate: dict[str, Any]) -> dict[str, Any]:
+    """The hexapod on a carriage that turns about x, its platform in axes that have their pole where it lies level on the carriage."""
+    given = turned_axes(hexapod(), "platform")
+    base = given["frame"]["markers"]
+    given["frame"]["markers"] = {"O": {"at": [0, 0, 0], "axis": [1, 0, 0]}}
+    carriage = {"name": "carriage", "mass": 50, "inertia": [5, 4, 3, 0.1, 0.2, 0.3], "markers": base | {"O": {"at": [0, 0, 0], "axis": [1, 0, 0]}}}
+    given["link"].append(carriage)
+    given["link"][0]["markers"]["tool"] = [0.1, 0.2, 0.3]
+    given["joint"] = [{"name": "O", "type": "revolute", "between": ["frame.O", "carriage.O"]}]
+    given["chain"][0]["base"] = [f"carriage.B{k}" for k in range(1, 7)]
+    given["coordinate"] = [{"joint": "O"}, coordinate]
+    given["actuator"] = [{"joint": "O"}]
+    return given
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("point", ["platform", "platform.tool"])
+def test_pose_seen_from_a_moving_link_at_its_pole(point: str, solver: str) -> None:
+    """The place of a marker, and the attitude, as a link sees them that turns: forces are those of the same motion told from the
+    frame."""
+    of = {"marker": point} if "." in point else {"link": point}
+    level = {"quaternion": np.roll(BY.as_quat(), 1).tolist()}
+    straight = linkdyn.Scene(seen_from_carriage({"link": "platform", "start": {"position": [0, 0, 0.9]} | level}))
+    start = {"x": 0, "y": 0, "z": 0.9, "roll": 0, "pitch": "90 deg", "yaw": 0}
+    scene = linkdyn.Scene(seen_from_carriage(of | {"relative_to": "carriage", "start": start}))
+
+    t = np.concatenate([[0.0], np.outer([-1, 1], np.logspace(-9, -1, 10)).ravel(), np.linspace(0, 2, 20)])
+    q, qd, qdd = wobble(t)
+    seen = pose_of(q, qd, qdd)
+    arm = Rotation.from_quat(np.roll(seen.quaternion, -1, axis=1)).apply([0.1, 0.2, 0.3] if "." in point else [0, 0, 0])
+    spin, spin_rate = seen.angular_velocity, seen.angular_acceleration
+    tip = linkdyn.Pose(
+        seen.position + arm,
+        seen.quaternion,
+        velocity=seen.velocity + np.cross(spin, arm),
+        acceleration=seen.acceleration + np.cross(spin_rate, arm) + np.cross(spin, np.cross(spin, arm)),
+        angular_velocity=spin,
+        angular_acceleration=spin_rate,
+    )
+    angle, rate, rate2 = 0.5 * np.sin(3 * t), 1.5 * np.cos(3 * t), -4.5 * np.sin(3 * t)
+    turn = Rotation.from_euler("x", angle[:, np.newaxis])
+    w, w2 = (np.outer(one, [1.0, 0, 0]) for one in (rate, rate2))
+    p, v, a, o, o2 = (turn.apply(one) for one in (seen.position, seen.velocity, seen.acceleration, spin, spin_rate))
+    world = linkdyn.Pose(
+        p,
+        quaternions(turn * rotation_of(q) * BY),
+        velocity=v + np.cross(w, p),
+        acceleration=a + 2 * np.cross(w, v) + np.cross(w2, p) + np.cross(w, np.cross(w, p)),
+        angular_velocity=w + o,
+        angular_acceleration=w2 + o2 + np.cross(w, o),
+    )
+    columns = [np.column_stack([one, np.zeros((len(t), 6))]) for one in (angle, rate, rate2)]
+    run = scene.inverse(*columns, pose={point: tip}, solver=solver)
+    want = straight.inverse(*columns, pose={"platform": world}, solver=solver)
+    assert (run.status == 0).all() and (want.status == 0).all()
+    for name in {"driving_force", "driving_speed", "reaction"} & set(run.data_vars):
+        close(run[name], want[name])
+    assert abs(run.power_imbalance).max() < 1e-12
+
+
 def test_far_from_the_pole_angles_are_as_good() -> None:
     """Poses by quaternion are computed as those by angles are, with whose accelerations they agree."""
     given = wobble(np.linspace(0, 3, 40))
@@ -396,6 +456,27 @@ def test_starts(way: str) -> None:
     run = linkdyn.Scene(given).forward(t=[0, 0.5])
     np.testing.assert_allclose(run.q, straight.q, atol=1e-14)
     np.testing.assert_allclose(run.qd, straight.qd, atol=1e-14)
+
+
+def test_starts_of_markers() -> None:
+    """The pose of a marker begins as that of a link does, or component by component."""
+    given: dict[str, Any] = {
+        "space": "spatial",
+        "link": [{"name": "body", "mass": 1, "inertia": {"diagonal": [1, 2, 2.5]}, "markers": {"T": [0.1, 0.2, 0.3]}}],
+        "coordinate": [{"marker": "body.T"}],
+    }
+    whole = {"position": [0, 0, 1], "quaternion": [1, 0.2, 0.3, 0.4], "velocity": [1, 0, 0], "angular_velocity": [0.3, 0.2, 0.1]}
+    given["coordinate"][0]["start"] = whole
+    run = linkdyn.Scene(given).forward(t=[0, 0.5])
+    words = ("x", "y", "z", "roll", "pitch", "yaw")
+    begins = zip(words, run.q.values[0].tolist(), run.qd.values[0].tolist(), strict=True)
+    given["coordinate"][0]["start"] = {word: {"position": q, "velocity": qd} for word, q, qd in begins}
+    other = linkdyn.Scene(given).forward(t=[0, 0.5])
+    assert run.qd.values[0, 0] == 1.0
+    np.testing.assert_allclose(run.q, other.q, atol=1e-12)
+    given["coordinate"][0]["start"] = {"position": [0, 0, 1], "x": 1}
+    with pytest.raises(linkdyn.InputError, match=r"\['x'\]: coordinate 'body.T', start: unknown key"):
+        linkdyn.Scene(given)
 
 
 @pytest.mark.parametrize("pitch", [0.3, 0.5 * np.pi, -0.5 * np.pi, 0.5 * np.pi - 1e-9])
