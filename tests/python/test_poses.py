@@ -475,7 +475,7 @@ def test_starts_of_markers() -> None:
     assert run.qd.values[0, 0] == 1.0
     np.testing.assert_allclose(run.q, other.q, atol=1e-12)
     given["coordinate"][0]["start"] = {"position": [0, 0, 1], "x": 1}
-    with pytest.raises(linkdyn.InputError, match=r"\['x'\]: coordinate 'body.T', start: unknown key"):
+    with pytest.raises(linkdyn.SceneError, match=r"\['x'\]: coordinate 'body.T', start: unknown key"):
         linkdyn.Scene(given)
 
 
