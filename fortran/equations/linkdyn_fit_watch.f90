@@ -13,7 +13,7 @@ module linkdyn_fit_watch
     use linkdyn_joint_variables, only: within_half_a_turn, move_pair, accelerate_pair
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, must_be_positive, told_pair_of
-    use linkdyn_model, only: gear_type, holds_spin, is_released, scene_size, gapes, parts_slowly, parts_gently
+    use linkdyn_model, only: gear_type, holds_spin, is_released, scene_size, gapes, parts_slowly, parts_gently, stands_still
     use linkdyn_system, only: system_type, solved
     use linkdyn_value, only: value, zero, sqrt, square, nearest_whole, operator(+), operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, components, vector_of, operator(-), operator(.dot.), operator(.cross.)
@@ -107,10 +107,12 @@ contains
         type(system_type), intent(inout), optional :: system    !! solved: gives accelerations; absent: rates alone are watched
         type(marker_pair) :: pair
         type(vector) :: omega, rate, alpha, rate2
-        type(value) :: speed, change
+        type(value) :: speed, change, weight
         integer :: i
 
         call measure_motion(mechanism, speed, change, system)
+        ! accelerations are felt with their weight, and rounded by it
+        weight = sqrt(length_squared(acceleration_of_origin(mechanism%bodies, 0, world_axes)))
         do i = 1, size(mechanism%model%share%joint)
             associate (j => mechanism%model%share%joint(i))
                 associate (joint => mechanism%model%joint(j))
@@ -121,7 +123,8 @@ contains
                 call watch(let_go(mechanism, j, pair, rate, omega), (surely*parts_slowly)*speed)
                 if (.not. present(system)) cycle
                 call accelerate_pair(mechanism, j, pair, alpha, rate2)
-                call watch(solved(system, let_go(mechanism, j, pair, rate2, alpha, omega)), (surely*parts_gently)*change)
+                call watch(solved(system, let_go(mechanism, j, pair, rate2, alpha, omega)), &
+                           (surely*parts_gently)*change + (surely*stands_still)*weight)
             end associate
         end do
 

@@ -221,18 +221,23 @@ contains
         end do
     end function number_iterated
 
-    !> Do two programs of one mechanism place its links alike, on lane 1?
+    !> Do two programs of one mechanism place its links alike, on lane 1? Of links that spin idly that is the line about which they do.
     pure logical function is_same_place(model, a, b) result(is_same)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: a, b
         real(wp), parameter :: fit = sqrt(epsilon(1.0_wp))
+        real(wp) :: off(3), turn(3, 3)
         integer :: l
 
         is_same = .true.
         do l = 1, model%n_link
-            is_same = is_same .and. all(abs(link_position(model, a, l, 1) - link_position(model, b, l, 1)) &
-                                        <= fit*scene_size(model)) &
-                      .and. all(abs(link_rotation(model, a, l, 1) - link_rotation(model, b, l, 1)) <= fit)
+            off = link_position(model, a, l, 1) - link_position(model, b, l, 1)
+            turn = link_rotation(model, a, l, 1) - link_rotation(model, b, l, 1)
+            if (model%link(l)%spin > 0) then
+                off = off + matmul(turn, model%link(l)%spin_point)
+                turn = spread(matmul(turn, model%link(l)%spin_axis), 2, 3)
+            end if
+            is_same = is_same .and. all(abs(off) <= fit*scene_size(model)) .and. all(abs(turn) <= fit)
         end do
     end function is_same_place
 

@@ -11,16 +11,13 @@ module linkdyn_released_motion
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_marker_motion, only: link_origin, link_axes, link_turning, turning_seen, carried_point
-    use linkdyn_model, only: model_type, is_released, scene_size, parts_slowly, parts_gently
+    use linkdyn_model, only: model_type, is_released, scene_size, parts_slowly, parts_gently, stands_still
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_vec3, only: vec3, mat3, zero_vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.)
     implicit none (type, external)
     private
     public :: released_joints_stay
-
-    !> Of the fastest link: what is slower than that stands still but for rounding.
-    real(wp), parameter :: rounding = 1.0e-9_wp
 
     !> How the second link of a joint moves, as the first one sees it, at the second's marker.
     type :: parting_type
@@ -48,10 +45,11 @@ contains
         do j = 1, model%n_joint
             if (.not. is_released(model%joint(j)) .or. is_geared(model%joint(j)%told_kind)) cycle
             call find_parting(model, state, j, has_accelerations, parting)
-            stay = stay .and. parting_by(model, j, parting, parting%rate, parting%omega) <= parts_slowly*speed + rounding*fastest
+            stay = stay .and. parting_by(model, j, parting, parting%rate, parting%omega) &
+                   <= parts_slowly*speed + stands_still*fastest
             if (.not. has_accelerations) cycle
             stay = stay .and. parting_by(model, j, parting, parting%rate2, parting%alpha, parting%omega) &
-                   <= parts_gently*change + rounding*strongest
+                   <= parts_gently*change + stands_still*strongest
         end do
     end function released_joints_stay
 

@@ -18,7 +18,8 @@ module linkdyn_model
         step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, friction_is_shared, feels_shares
+    public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
+        feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, universal_of_rod, dyad_names, orientation_of, side_of, link_freedom, place_size, &
         has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned, closes_by_gears
@@ -30,6 +31,7 @@ module linkdyn_model
     !> a joint makes of it that gapes by little everywhere, or rounding near a dead point. One that fits in a pose alone parts as
     !> fast as links move.
     real(wp), parameter :: parts_slowly = 1.0e-5_wp, parts_gently = 1.0e-4_wp
+    real(wp), parameter :: stands_still = 1.0e-9_wp    !! of the fastest link, or the strongest acceleration: slower is rounding
 
     real(wp), parameter :: nothing = 1.0e-12_wp     !! is rounding of places, no size [m]
 

@@ -241,6 +241,18 @@ def spatial_four_bar() -> dict:
     return given
 
 
+def rod_between_balls() -> dict:
+    """RSSR, all links with mass; the rod spins idly about its line."""
+    given = description("../tests/scenes/rssr.toml")
+    for name, cog in (("crank", [0.1, 0.02, 0.0]), ("rocker", [0.3, 0.0, 0.03])):
+        link = next(link for link in given["link"] if link["name"] == name)
+        link |= {"mass": 1.5, "cog": cog, "inertia": {"diagonal": [0.01, 0.03, 0.03]}}
+    given["gravity"] = [0.4, -0.7, -9.81]
+    given["coordinate"] = [{"joint": "A", "start": {"position": 0.4, "velocity": 12.0}}]
+    given["actuator"] = [{"joint": "A", "law": {"type": "constant", "value": 0.3}}]
+    return given
+
+
 SPATIAL = {
     "slider-crank by its slider": (description("spatial_slider_crank/scene.toml"), "D", "slide of D", "angle of A"),
     "four-bar by its slider": (spatial_four_bar(), "P", "slide of P", "angle of R"),
@@ -265,6 +277,22 @@ def test_in_space(name: str) -> None:
     qdd, qd = fine.qdd.values[:, 0], fine.qd.values[:, 0]
     steps = (qdd[:-2:2] + 4 * qdd[1:-1:2] + qdd[2::2]) * (5e-4 / 3)
     np.testing.assert_allclose(qd[0] + np.cumsum(steps), qd[2::2], rtol=0, atol=1e-6 * np.abs(qd).max())
+
+
+def test_a_rod_that_spins_idly() -> None:
+    """Led by its rocker, against the crank: how the rod is turned about its line says nothing of whether another coordinate fits."""
+    given = rod_between_balls()
+    t = np.linspace(0.0, 1.0, 81)
+    crank = linkdyn.Scene(given).forward(t=t, **TIGHT)
+    run = linkdyn.Scene(with_coordinates(given, ("D",))).forward(t=t, **TIGHT)
+    assert run.attrs["stopped"] == ""
+    assert run.attrs["coordinates_integrated"].startswith("angle of D until ")
+    for hinge in ("A.angle", "D.angle"):
+        angles = [other.joint_variable.sel(variable=hinge).values for other in (run, crank)]
+        assert np.abs(np.exp(1j * angles[0]) - np.exp(1j * angles[1])).max() < 1e-7
+    for name in ("kinetic_energy", "driving_force", "reaction"):
+        of_forces = {"component": ["Fx", "Fy", "Fz"]} if name == "reaction" else {}
+        assert gap(run[name].sel(of_forces), crank[name].sel(of_forces)) < 1e-7, name
 
 
 @pytest.mark.parametrize("method", ["rk8pd", "gbs"])

@@ -8,14 +8,17 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import linkdyn
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from test_cams import CAMS
+from test_redundancy import SPATIAL, three_cranks
 from test_space_cams import DRUMS, in_tilted_axes
 
 ROOT = Path(__file__).parents[2]
@@ -474,6 +477,21 @@ def test_alarm_near_a_singular_platform(tmp_path: Path) -> None:
         outcome[height], _ = compiled(q=q)
     assert outcome[0.5] == outcome[0.1] == OK
     assert outcome[1e-6] == outcome[1e-9] == outcome[0.0] == ALARM
+
+
+@pytest.mark.parametrize("make", [SPATIAL["bennett"], SPATIAL["spherical"], three_cranks], ids=["bennett", "spherical", "cranks"])
+def test_shared_reactions_at_rest(make: Callable[[], dict[str, Any]], tmp_path: Path) -> None:
+    """How the sides of joints part there is the rounding of weights, and no reason for an alarm."""
+    scene = linkdyn.Scene(make())
+    compiled = Compiled(scene.generate(want=["driving_force", "reaction"], name="kernel"), tmp_path)
+    q = scene.motion([0.0])[0] + np.outer(np.linspace(0.0, 0.3, 40), np.linspace(1.0, 0.7, len(scene.coordinates)))
+    expected = scene.inverse(q=q, in_order=True, want=["driving_force", "reaction"])
+    assert (expected["status"] == 0).all()
+    state = None if compiled.state is None else compiled.assembly()
+    for i in range(len(q)):
+        status, found = compiled(state=state, q=q[i], qd=0 * q[i], qdd=0 * q[i])
+        assert status == OK
+        assert_alike(found["reaction"], expected["reaction"].values[i])
 
 
 def test_what_is_no_number(tmp_path: Path) -> None:
