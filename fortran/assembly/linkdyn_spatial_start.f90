@@ -3,11 +3,12 @@
 !>
 !> Of a closed form a `branch` written at the joint between its links decides, otherwise the nearest way (`linkdyn_start_distance`).
 module linkdyn_spatial_start
+    use linkdyn_closed_forms, only: closed_margin
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_csp, step_group, is_rod_leg, by_branch, by_start, by_nothing
+    use linkdyn_model, only: model_type, step_type, step_csp, step_group, has_rod, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_planar_start, only: start_group
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
@@ -57,7 +58,7 @@ contains
     elemental logical function is_closed(step)
         type(step_type), intent(in) :: step
 
-        is_closed = step%kind == step_csp .or. is_rod_leg(step%kind)
+        is_closed = step%kind == step_csp .or. has_rod(step%kind)
     end function is_closed
 
     !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways those
@@ -69,37 +70,52 @@ contains
         type(start_distance) :: distance, nearest
         integer :: told, branch, turn, least_turn, best(2)
 
-        associate (step => model%step(i))
-            told = model%scene%joint(step%joint(2))%branch
+        associate (step => model%step(i), link => model%step(i)%link(:model%step(i)%n_link), &
+                   joint => model%step(i)%joint(:model%step(i)%n_link + 1))
+            told = 1
+            if (step%has_branches) told = model%scene%joint(step%joint(2))%branch
             nearest%given = huge(1.0_wp)
             best = [merge(1, told, told == 0), 1]
-            least_turn = merge(-1, 1, is_rod_leg(step%kind))
+            least_turn = merge(-1, 1, has_rod(step%kind))
             do branch = 1, -1, -2
                 if (told /= 0 .and. branch /= told) cycle
-                state%branch(:, step%first) = branch
+                if (step%has_margin) state%branch(:, step%first) = branch
                 do turn = 1, least_turn, -2
                     call turn_rod(model, i, turn)
                     call run_step(model, model%step(i), state)
-                    distance = measure_distance(model, step%link(:2), step%joint(:3), state, .false.)
+                    distance = measure_distance(model, link, joint, state, .false.)
                     if (.not. is_nearer(distance, 1, nearest%given(1), nearest%others(1))) cycle
                     nearest = distance
                     best = [branch, turn]
                 end do
             end do
             call turn_rod(model, i, best(2))
+            if (.not. step%has_margin) return
+            if (.not. step%has_branches) best(1) = side_at_start(model, step, state)
             model%branch(step%first) = best(1)
             state%branch(:, step%first) = best(1)
-            if (told == 0) model%chosen_by(step%first) = &
-                merge(by_start, by_nothing, has_start(model, step%link(:2), step%joint(:3)))
+            if (told == 0) model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, link, joint))
         end associate
     end subroutine choose_way
+
+    !> On which side of where its margin is zero a closed form is that closes in one way.
+    integer function side_at_start(model, step, state) result(branch)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        real(wp), dimension(lanes) :: margin, drift
+
+        call run_step(model, step, state)
+        call closed_margin(model, step, state, margin, drift)
+        branch = merge(-1, 1, margin(1) < 0)
+    end function side_at_start
 
     !> Its kernels are others then.
     subroutine turn_rod(model, i, turn)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i, turn
 
-        if (model%step(i)%turn == turn .or. .not. is_rod_leg(model%step(i)%kind)) return
+        if (model%step(i)%turn == turn .or. .not. has_rod(model%step(i)%kind)) return
         model%step(i)%turn = turn
         call describe_step(model, i)
     end subroutine turn_rod

@@ -8,7 +8,7 @@ module linkdyn_mechanism
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
     use linkdyn_joint_table, only: joint_cam, is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_ups, side_of, is_rod_leg, universal_of_rod
+    use linkdyn_model, only: model_type, step_type, step_ups, side_of, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_record, only: constant_of
@@ -400,7 +400,7 @@ contains
         do i = 1, size(mechanism%model%step)
             associate (step => mechanism%model%step(i))
                 if (step%kind == step_ups) call choose_axes_of_leg(mechanism, step)
-                if (is_rod_leg(step%kind)) call choose_axes_of_rod(mechanism, step)
+                if (has_rod(step%kind)) call choose_axes_of_rod(mechanism, step)
             end associate
         end do
     end subroutine choose_own_axes
@@ -444,13 +444,13 @@ contains
         type(vector) :: y
         integer :: u
 
-        associate (joint => mechanism%model%joint, rod => step%link(2))
+        associate (joint => mechanism%model%joint, rod => rod_of(step), inner => inner_of_rod(step))
             u = universal_of_rod(mechanism%model, step)
             frame = scene_frame(mechanism, u, side_of(joint(u), rod))
             y = frame%z
             if (step%turn < 0) y = -y
             call set_axes(mechanism%own(rod), y, direction_of(scene_rod(mechanism, step)), &
-                          scene_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), rod)))
+                          scene_point(mechanism, inner, side_of(joint(inner), rod)))
         end associate
     end subroutine choose_axes_of_rod
 
@@ -470,9 +470,9 @@ contains
         type(step_type), intent(in) :: step
         type(vector) :: rod
 
-        associate (joint => mechanism%model%joint, inner => step%joint(2), outer => step%joint(3))
-            rod = scene_point(mechanism, outer, side_of(joint(outer), step%link(2))) &
-                  - scene_point(mechanism, inner, side_of(joint(inner), step%link(2)))
+        associate (joint => mechanism%model%joint, inner => inner_of_rod(step), outer => outer_of_rod(step))
+            rod = scene_point(mechanism, outer, side_of(joint(outer), rod_of(step))) &
+                  - scene_point(mechanism, inner, side_of(joint(inner), rod_of(step)))
         end associate
     end function scene_rod
 

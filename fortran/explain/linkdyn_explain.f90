@@ -17,7 +17,7 @@ module linkdyn_explain
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_mesh_losses, only: worm_friction_angle
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rrr, step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
+        step_rod, step_rrr, step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
@@ -414,8 +414,10 @@ contains
                        //" "//led_name(model, step%coordinate(i))
             end do
         case (step_parts)
-            text = "pose of "//trim(model%link(step%link(1))%name)//" from "//trim(merge("three", "six  ", model%is_planar)) &
-                   //" coordinates, seen from "//name_of(model, model%joint(step%joint(1))%link(1))
+            text = "pose of "//trim(model%link(step%link(1))%name)//" from " &
+                   //trim(merge("three", "six  ", count(step%coordinate > 0) == 3))//" coordinates, seen from " &
+                   //name_of(model, model%joint(step%joint(1))%link(1))
+            if (.not. model%is_planar .and. step%joint(2) == 0) text = text//", which it does not turn against"
         case (step_ups)
             text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //" between "//name_of(model, model%joint(step%joint(1))%link(1))//" and " &
@@ -427,6 +429,10 @@ contains
             text = letters_of_leg()//" leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //" between "//name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
                    //name_of(model, sum(model%joint(step%joint(3))%link) - step%link(2))//": closed form"
+        case (step_rod)
+            text = "rod "//trim(model%link(step%link(1))%name)//" between " &
+                   //name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
+                   //name_of(model, sum(model%joint(step%joint(2))%link) - step%link(1))//": closed form"
         case (step_group)
             text = "Assur group of "//to_text(size(model%group(step%first)%link))//" links:"
             do i = 1, size(model%group(step%first)%link)

@@ -6,7 +6,8 @@ module linkdyn_certainty
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of, is_rod_leg
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of, has_rod, is_rod_leg
+    use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: quality_of_rod
     use linkdyn_value, only: value, constant, operator(+), operator(-), operator(*), sqrt, abs, max, min, reciprocal
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
@@ -26,10 +27,14 @@ contains
         type(step_type), intent(in) :: step
         type(value) :: q(n_quality)
         type(vector) :: way(2), normal, n, m, y, u, across
-        type(value) :: rate(2), rate2(2), length(2), radius
+        type(value) :: rate(2), rate2(2), length(2), radius, hold, drift
 
-        if (is_rod_leg(step%kind)) then
+        if (has_rod(step%kind)) then
             q = quality_of_rod(mechanism, step)
+            if (step%has_margin .and. .not. is_rod_leg(step%kind)) then
+                call margin_of_hold(mechanism, step, hold, drift)
+                q(1) = min(q(1), abs(hold))
+            end if
             return
         else if (step%kind == step_csp) then
             call see_csp()

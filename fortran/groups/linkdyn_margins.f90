@@ -2,13 +2,15 @@
 !>
 !> The margin is the sine of the transmission angle, with a sign that tells the assemblies apart: of a planar dyad between
 !> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
-!> coupler's axis, of a leg with a rod between this and the way of its end. Who integrates a motion judges by it whether a step may have left an assembly.
+!> coupler's axis, of a leg with a rod between this and the way of its end; of the rods that hold a platform's attitude see
+!> `linkdyn_parallel_rods`. Who integrates a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
     use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
     use linkdyn_dyads, only: half_type, half_of, inner_marker, drawn_arm
     use linkdyn_joint_table, only: joint_prismatic
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, side_of
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, step_rod, side_of
+    use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: margin_of_rod
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
@@ -38,6 +40,8 @@ contains
                     call margin_of_csp(mechanism, step, margin(k), drift(k))
                 case (step_rus, step_pus)
                     call margin_of_rod(mechanism, step, margin(k), drift(k))
+                case (step_rod)
+                    if (step%has_margin) call margin_of_hold(mechanism, step, margin(k), drift(k))
                 end select
             end associate
         end do

@@ -54,7 +54,8 @@ contains
         end associate
     end subroutine take_pose
 
-    !> A link whose parts of a pose, of a point and of the attitude, both as a known link sees them, give all of it.
+    !> A link whose parts of a pose, of a point and of the attitude, both as a known link sees them, give all of it; or of a point
+    !> alone, where the link turns as the known one does.
     subroutine take_parts(mechanism, step, quaternion)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step                !! joints: position, attitude
@@ -69,8 +70,29 @@ contains
             q(k) = mechanism%q(step%coordinate(k))
             qd(k) = mechanism%qd(step%coordinate(k))
         end do
-        call walk_joint(mechanism, step%joint(1), .false., q, qd, quaternion, step%joint(2))
+        if (step%joint(2) > 0) then
+            call walk_joint(mechanism, step%joint(1), .false., q, qd, quaternion, step%joint(2))
+        else
+            call shift_along(mechanism, step%joint(1), q(:3))
+        end if
     end subroutine take_parts
+
+    !> A link that turns as the known one does and has a point of it as far from a point of that one as given.
+    subroutine shift_along(mechanism, j, q)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: j                           !! part of a pose: the position
+        type(value), intent(in) :: q(3)                    !! axes of the first marker [m]
+        type(rotation) :: frame(2)
+        type(vector) :: s(3), rest(2)
+
+        frame = [marker_frame(mechanism, j, 1), marker_frame(mechanism, j, 2)]
+        s(1) = vector_of(q)
+        s(2) = rate_of_vector(mechanism, s(1))
+        s(3) = rate_of_vector(mechanism, s(2))
+        rest = zero_vector()
+        call walk_shift(mechanism, j, .false., rotation(frame(1) .unrotate.frame(2)%x, frame(1) .unrotate.frame(2)%y, &
+                                                        frame(1) .unrotate.frame(2)%z), rest, s)
+    end subroutine shift_along
 
     !> The link behind a joint whose variables and rates are known.
     !> Of a position without attitude another joint between the same links gives the turn.

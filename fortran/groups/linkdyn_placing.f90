@@ -9,9 +9,10 @@ module linkdyn_placing
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_group, is_dyad
+        step_rod, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
-    use linkdyn_rod_leg, only: close_rod_leg
+    use linkdyn_parallel_rods, only: must_hold
+    use linkdyn_rod_leg, only: close_rod_leg, close_rod
     use linkdyn_system, only: system_type
     use linkdyn_value, only: value, zero
     use linkdyn_vector, only: vector, vector_of, operator(.unrotate.)
@@ -66,6 +67,9 @@ contains
             call place_csp(mechanism, step, branch)
         case (step_rus, step_pus)
             call close_rod_leg(mechanism, step, branch, equations)
+        case (step_rod)
+            call close_rod(mechanism, step)
+            if (step%has_margin) call must_hold(mechanism, step)
         case default
             call complete_led(mechanism, pack(step%coordinate, step%coordinate > 0), [integer ::])
             call place_dyad(mechanism, step, branch)

@@ -1,5 +1,5 @@
 !> A crank or carriage and the rod behind it, between two known links, in closed form on all levels: RUS and PUS legs, and a rocker
-!> with the rod that drives it.
+!> with the rod that drives it. Where the lead is known, too, the rod alone.
 !>
 !> The *lead*, crank or carriage, hangs on the base by a hinge or slide. One end of the rod is at the lead, E, the other, P, at the
 !> top; one is in a universal joint, the other in a ball. E goes along a circle or line, P is known, and so is the rod's length L: in
@@ -19,7 +19,7 @@ module linkdyn_rod_leg
     use linkdyn_kinds, only: wp
     use linkdyn_line_turning, only: turning_of_line, turning_of_line_2
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, scene_rod, root_of, must_be_positive, least_square
-    use linkdyn_model, only: step_type, step_rus, side_of, universal_of_rod
+    use linkdyn_model, only: step_type, step_rus, side_of, is_rod_leg, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     use linkdyn_open_chain, only: walk_shift
     use linkdyn_system, only: system_type, unknown, require
     use linkdyn_value, only: value, zero, one, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal, square, abs
@@ -27,14 +27,14 @@ module linkdyn_rod_leg
         operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: rod_leg_type, rod_leg_of, close_rod_leg
+    public :: rod_leg_type, rod_leg_of, close_rod_leg, close_rod
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are differences, relative to what is in them
 
     !> Links and joints of the leg. Sides are the leg's own: of the lead at the base, at the rod; of the rod at the top.
     type :: rod_leg_type
         integer :: base = 0, lead = 0, rod = 0, top = 0
-        integer :: first = 0, inner = 0, outer = 0         !! joints, from the base on
+        integer :: first = 0, inner = 0, outer = 0         !! joints, from the base on; of a rod alone no first
         integer :: first_side = 0, inner_side = 0, outer_side = 0
         integer :: universal = 0                           !! inner or outer joint
         integer :: holder = 0                              !! of the universal joint's first axis: lead or top
@@ -80,6 +80,26 @@ contains
         call put_rod(mechanism, leg, length, lead%rod, e, v, a)
     end subroutine close_rod_leg
 
+    !> A rod alone. Link of the step: the rod; joints: inner, outer.
+    subroutine close_rod(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(rod_leg_type) :: leg
+        type(vector) :: own_rod, end(2), p(2), v(2), a(2)    ! both ends on the known links; places, velocities, accelerations
+        integer :: link(2), k
+
+        leg = rod_leg_of(mechanism, step)
+        own_rod = scene_rod(mechanism, step)
+        link = [leg%lead, leg%top]
+        end = [marker_point(mechanism, leg%inner, leg%inner_side), marker_point(mechanism, leg%outer, 3 - leg%outer_side)]
+        do k = 1, 2
+            p(k) = point_position(mechanism%bodies, link(k), end(k))
+            v(k) = point_velocity(mechanism%bodies, link(k), end(k))
+            a(k) = point_acceleration(mechanism%bodies, link(k), end(k), world_axes)
+        end do
+        call put_rod(mechanism, leg, sqrt(own_rod.dot.own_rod), p(2) - p(1), p(1), v, a)
+    end subroutine close_rod
+
     pure function rod_leg_of(mechanism, step) result(leg)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
@@ -87,15 +107,17 @@ contains
 
         associate (joint => mechanism%model%joint)
             leg%turns = step%kind == step_rus
-            leg%lead = step%link(1)
-            leg%rod = step%link(2)
-            leg%first = step%joint(1)
-            leg%inner = step%joint(2)
-            leg%outer = step%joint(3)
-            leg%first_side = side_of(joint(leg%first), leg%lead)
-            leg%inner_side = side_of(joint(leg%inner), leg%lead)
+            leg%rod = rod_of(step)
+            leg%inner = inner_of_rod(step)
+            leg%outer = outer_of_rod(step)
+            leg%inner_side = 3 - side_of(joint(leg%inner), leg%rod)
             leg%outer_side = side_of(joint(leg%outer), leg%rod)
-            leg%base = joint(leg%first)%link(3 - leg%first_side)
+            leg%lead = joint(leg%inner)%link(leg%inner_side)
+            if (is_rod_leg(step%kind)) then
+                leg%first = step%joint(1)
+                leg%first_side = side_of(joint(leg%first), leg%lead)
+                leg%base = joint(leg%first)%link(3 - leg%first_side)
+            end if
             leg%top = joint(leg%outer)%link(3 - leg%outer_side)
             leg%universal = universal_of_rod(mechanism%model, step)
             leg%holder_side = 3 - side_of(joint(leg%universal), leg%rod)

@@ -6,9 +6,9 @@ module linkdyn_rod_margin
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
     use linkdyn_model, only: step_type
     use linkdyn_rod_leg, only: rod_leg_type, rod_leg_of
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sqrt, reciprocal, abs, min, max
-    use linkdyn_vector, only: vector, rotation, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.)
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, reciprocal, abs, min, max
+    use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
     public :: margin_of_rod, quality_of_rod
@@ -46,24 +46,33 @@ contains
 
         leg = rod_leg_of(mechanism, step)
         rod = rod_as_placed(mechanism, leg)
-        way = way_as_placed(mechanism, leg)
         length = sqrt(rod.dot.rod)
-        way_length = sqrt(way.dot.way)
         frame = marker_frame(mechanism, leg%universal, leg%holder_side)
         across = rod.cross.(rotation_of(mechanism%bodies, leg%holder) .rotate.frame%z)
-        rate = variable_rate(mechanism, leg%first, 1)
-        rate_2 = variable_acceleration(mechanism, leg%first, 1)
-        if (leg%first_side == 1) then
-            rate = -rate
-            rate_2 = -rate_2
-        end if
-        q(1) = min(abs(rod.dot.way)*reciprocal(length*way_length), sqrt(across.dot.across)*reciprocal(length))
+        q(1) = sqrt(across.dot.across)*reciprocal(length)
         q(2) = length
-        if (leg%turns) q(2) = min(length, way_length)
+        way = zero_vector()
+        rate = zero()
+        rate_2 = zero()
+        if (leg%first > 0) call look_at_lead()
         call look(rate*way, omega_of(mechanism%bodies, leg%rod, world_axes) .cross.rod, q(3), q(4))
         call look(rate_2*way, alpha_of(mechanism%bodies, leg%rod, world_axes) .cross.rod, q(5), q(6))
 
     contains
+
+        !> That is not known.
+        subroutine look_at_lead()
+            way = way_as_placed(mechanism, leg)
+            way_length = sqrt(way.dot.way)
+            rate = variable_rate(mechanism, leg%first, 1)
+            rate_2 = variable_acceleration(mechanism, leg%first, 1)
+            if (leg%first_side == 1) then
+                rate = -rate
+                rate_2 = -rate_2
+            end if
+            q(1) = min(abs(rod.dot.way)*reciprocal(length*way_length), q(1))
+            if (leg%turns) q(2) = min(length, way_length)
+        end subroutine look_at_lead
 
         !> The larger of what lead and rod do, and what both leave of each other: the motion of the known links.
         subroutine look(of_lead, of_rod, largest, gap)

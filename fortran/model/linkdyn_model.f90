@@ -14,14 +14,14 @@ module linkdyn_model
     public :: motor_type, take_motors
     public :: share_type, open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
-    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, &
-        step_group, step_parts, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_rrr, step_rrp, step_rpr, step_prp, &
+        step_ppr, step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
         feels_shares
-    public :: is_dyad, is_led_dyad, is_rod_leg, universal_of_rod, dyad_names, orientation_of, side_of, link_freedom, place_size, &
-        has_assemblies
+    public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+    public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
@@ -52,9 +52,10 @@ module linkdyn_model
     integer, parameter :: step_parts = 11    !! a link whose pose, or that of a marker of it, is given seen from a known link, or bit by bit
     integer, parameter :: step_rus = 12      !! as CSP a crank and the rod behind it, see `linkdyn_rod_leg`
     integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
-    character(len=24), parameter :: step_name(13) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+    integer, parameter :: step_rod = 14      !! a rod between known links, see `linkdyn_rod_leg`
+    character(len=24), parameter :: step_name(14) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", &
-        "RUS leg", "PUS leg"]
+        "RUS leg", "PUS leg", "rod"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -176,8 +177,9 @@ module linkdyn_model
         integer :: kind = 0
         integer :: n_link = 0
         integer :: link(4) = 0                !! links that the step determines
-        integer :: joint(5) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
-                                              !! whose variables are given; links beyond the second are at their far ends
+        integer :: joint(9) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
+                                              !! whose variables are given; links beyond the second are at their far ends; of a
+                                              !! rod that holds a platform see `linkdyn_parallel_rods`
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
         integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, other closed forms, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
@@ -407,18 +409,45 @@ contains
     end function is_led_dyad
 
     !> Is it a crank or carriage with a rod behind it?
-    pure logical function is_rod_leg(kind)
+    elemental logical function is_rod_leg(kind)
         integer, intent(in) :: kind
 
         is_rod_leg = kind == step_rus .or. kind == step_pus
     end function is_rod_leg
+
+    !> Is there a rod in it, alone or behind such a lead?
+    elemental logical function has_rod(kind)
+        integer, intent(in) :: kind
+
+        has_rod = is_rod_leg(kind) .or. kind == step_rod
+    end function has_rod
+
+    pure integer function rod_of(step) result(link)
+        type(step_type), intent(in) :: step
+
+        link = step%link(step%n_link)
+    end function rod_of
+
+    !> Where the rod begins: at the lead, which is known if the rod is alone.
+    pure integer function inner_of_rod(step) result(joint)
+        type(step_type), intent(in) :: step
+
+        joint = step%joint(step%n_link)
+    end function inner_of_rod
+
+    !> Where it ends.
+    pure integer function outer_of_rod(step) result(joint)
+        type(step_type), intent(in) :: step
+
+        joint = step%joint(step%n_link + 1)
+    end function outer_of_rod
 
     !> Its universal joint, on either side of the rod.
     pure integer function universal_of_rod(model, step) result(joint)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
 
-        joint = merge(step%joint(2), step%joint(3), model%joint(step%joint(2))%kind == joint_universal)
+        joint = merge(inner_of_rod(step), outer_of_rod(step), model%joint(inner_of_rod(step))%kind == joint_universal)
     end function universal_of_rod
 
     !> Freedoms of a link on its own.
@@ -593,7 +622,8 @@ contains
 
         gives_attitude = .false.
         if (model%is_planar) return
-        gives_attitude = step%kind == step_pose .or. step%kind == step_parts
+        gives_attitude = step%kind == step_pose
+        if (step%kind == step_parts) gives_attitude = all(step%coordinate(4:) > 0)
         if (step%kind == step_joint) gives_attitude = model%joint(step%joint(1))%kind == joint_spherical
     end function gives_attitude
 

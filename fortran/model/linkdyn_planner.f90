@@ -13,9 +13,11 @@ module linkdyn_planner
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, side_of, link_freedom, place_size, universal_of_rod
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, side_of, link_freedom, place_size, rod_of, &
+        inner_of_rod, outer_of_rod, universal_of_rod
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
+    use linkdyn_shift_plan, only: shift_type, find_shift, n_pair
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -237,6 +239,7 @@ contains
                 if (plan%n_step == n_before) call close_csp_group(model, member, plan)
                 if (plan%n_step == n_before) call close_rod_leg(model, member, plan)
             end if
+            if (.not. model%is_planar .and. size(member) > 2) call close_shift(model, member, plan)
         end subroutine place_directly
     end subroutine place_group
 
@@ -556,20 +559,82 @@ contains
         if (any(step%joint(:3) == 0)) return
         if (any(plan%given(:, step%joint(:3)) > 0)) return
         call name_rod_leg(model, step, found)
-        if (.not. found) return
+        if (found) call add_rod_leg(model, step, plan)
+    end subroutine close_rod_leg
+
+    subroutine add_rod_leg(model, leg, plan)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: leg             !! links, joints and kind
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
+
+        step = leg
+        step%has_branches = .true.
+        call add_margin(model, step)
+        call add_rod(model, step, plan)
+    end subroutine add_rod_leg
+
+    subroutine add_margin(model, step)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(inout) :: step
+
         model%n_branch = model%n_branch + 1
         step%first = model%n_branch
-        step%has_branches = .true.
         step%has_margin = .true.
+    end subroutine add_margin
+
+    !> Whatever else there is in the step, its rod turns in axes that nobody else has.
+    subroutine add_rod(model, step, plan)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(inout) :: step
+        type(planning), intent(inout) :: plan
+
         step%turn = 1
-        if (allocated(plan%stand)) step%turn = turn_as_it_stands(model, plan%stand, universal_of_rod(model, step), step%link(2), &
-            point_as_it_stands(model, plan%stand, step%joint(3), step%link(2)) &
-            - point_as_it_stands(model, plan%stand, step%joint(2), step%link(2)))
+        if (allocated(plan%stand)) step%turn = turn_as_it_stands(model, plan%stand, universal_of_rod(model, step), rod_of(step), &
+            point_as_it_stands(model, plan%stand, outer_of_rod(step), rod_of(step)) &
+            - point_as_it_stands(model, plan%stand, inner_of_rod(step), rod_of(step)))
         call add_step(plan, step)
-        if (count(model%link%orientation == model%link(step%link(2))%orientation) == 1) return
+        if (count(model%link%orientation == model%link(rod_of(step))%orientation) == 1) return
         model%n_orientation = model%n_orientation + 1
-        model%link(step%link(2))%orientation = model%n_orientation
-    end subroutine close_rod_leg
+        model%link(rod_of(step))%orientation = model%n_orientation
+    end subroutine add_rod
+
+    !> A platform that parallel rods keep from turning, led by where it is: itself, its legs of lead and one rod each, then the other
+    !> rods, of which the last tells how surely all of them hold it.
+    subroutine close_shift(model, member, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(:)
+        type(planning), intent(inout) :: plan
+        type(shift_type) :: shift
+        type(step_type) :: step
+        logical :: found
+        integer :: i, k
+
+        call find_shift(model, member, plan%known, plan%given, shift, found)
+        if (.not. found) return
+        step = step_type(kind=step_parts, n_link=1)
+        step%link(1) = shift%platform
+        step%joint(1) = shift%position
+        step%coordinate(:3) = plan%given(:, shift%position)
+        call add_step(plan, step)
+        do i = 1, n_pair
+            call add_rod_leg(model, shift%leg(1, i), plan)
+        end do
+        do i = 1, n_pair
+            step = step_type(kind=step_rod, n_link=1)
+            step%link(1) = rod_of(shift%leg(2, i))
+            step%joint(:2) = shift%leg(2, i)%joint(2:3)
+            if (i == n_pair) then
+                do k = 1, n_pair
+                    associate (own => shift%leg(:, 1 + mod(i + k - 2, n_pair)))
+                        step%joint(3*k - 2:3*k) = [own(2)%joint(2:3), outer_of_rod(own(1))]
+                    end associate
+                end do
+                call add_margin(model, step)
+            end if
+            call add_rod(model, step, plan)
+        end do
+    end subroutine close_shift
 
     !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_leg`; or,
     !> where legs need only be straight, in any axes and in this order from whichever end.

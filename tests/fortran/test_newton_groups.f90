@@ -16,7 +16,7 @@ module test_newton_groups
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group
+    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group, step_rod
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_quaternion, only: turned_by
@@ -48,6 +48,7 @@ contains
             new_test("open chain", test_open_chain), &
             new_test("CSP group", test_csp), &
             new_test("crank or carriage and rod", test_rod_legs), &
+            new_test("parallel rods", test_parallel_rods), &
             new_test("dyads", test_dyads), &
             new_test("slides parallel to a moving link", test_parallel_slides), &
             new_test("places of links", test_places), &
@@ -108,6 +109,20 @@ contains
         call check(error, count([(is_rod_leg(model%step(i)%kind), i=1, size(model%step))]) == 6, "six closed forms")
         call compare(error, scene)
     end subroutine test_rod_legs
+
+    subroutine test_parallel_rods(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+        type(model_type) :: model
+        type(status_type) :: status
+
+        call read_scene("tests/scenes/delta_by_tool.toml", scene, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call build_model(scene, model, status)
+        call check(error, count(model%step%kind == step_rod) == 3 .and. size(model%group) == 0, "three rods between known links")
+        call compare(error, scene)
+    end subroutine test_parallel_rods
 
     subroutine test_dyads(error)
         type(test_error), intent(inout) :: error

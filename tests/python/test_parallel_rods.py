@@ -1,0 +1,224 @@
+"""Platforms that three pairs of parallel rods keep from turning, led by where they are: closed by formulas, against iteration and by
+other roads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+pytestmark = pytest.mark.accuracy
+
+WIDTH = 0.045       # half of a pair's
+ROD = 0.8
+RADIUS = 0.05       # of the platform
+LEADS = ["R", "P"]
+
+
+def delta(lead: str = "R", turned: float = 0.0, longer: float = 0.0) -> dict[str, Any]:
+    """A Delta robot with cranks, or carriages on upright rails. The platform may be written in axes that are turned about z, which its
+    start takes back, and a rod may be longer than the other of its pair: both are then closed by iteration."""
+    axes = Rotation.from_euler("z", turned)
+    base: dict[str, Any] = {}
+    top: dict[str, Any] = {"tool": axes.inv().apply([0.01, 0.02, -0.04]).tolist()}
+    links: list[dict[str, Any]] = []
+    joints: list[dict[str, Any]] = []
+    for k in range(3):
+        out, along = Rotation.from_euler("z", k * 2 * np.pi / 3).apply([[1, 0, 0], [0, 1, 0]])
+        here = {"R": {"at": (0.2 * out).tolist(), "axis": along.tolist()}, "P": {"at": (0.5 * out).tolist(), "axis": [0, 0, 1]}}[lead]
+        own = {"axis": [0, 1, 0] if lead == "R" else [0, 0, 1], "x": [1, 0, 0], "at": [0, 0, 0]}
+        base[f"B{k}"] = here | {"x": out.tolist()}
+        reach = 0.3 if lead == "R" else -0.02
+        links.append({"name": f"lead{k}", "mass": 0.7, "cog": [0.1, 0.01, 0], "inertia": {"diagonal": [2e-4, 5e-3, 5e-3]},
+                      "markers": {"B": own, "E0": [reach, WIDTH, 0], "E1": [reach, -WIDTH, 0]}})
+        joints.append({"name": f"{lead}{k}", "type": {"R": "revolute", "P": "prismatic"}[lead], "between": [f"frame.B{k}", f"lead{k}.B"],
+                       "start": 0.3 if lead == "R" else 0.0})
+        for i, side in enumerate([1, -1]):
+            end = ROD + (longer if (k, i) == (1, 1) else 0.0)
+            links.append({"name": f"rod{k}{i}", "mass": 0.12, "cog": [0, 0, 0.4], "inertia": {"diagonal": [6e-3, 6e-3, 0]},
+                          "inertia_check": False, "markers": {"E": [0, 0, 0], "P": [0, 0, end]}})
+            top[f"P{k}{i}"] = axes.inv().apply(RADIUS * out + side * WIDTH * along).tolist()
+            joints += [{"name": f"E{k}{i}", "type": "spherical", "between": [f"lead{k}.E{i}", f"rod{k}{i}.E"]},
+                       {"name": f"P{k}{i}", "type": "spherical", "between": [f"rod{k}{i}.P", f"platform.P{k}{i}"]}]
+    platform = {"name": "platform", "mass": 0.6, "cog": axes.inv().apply([0.01, 0, 0.02]).tolist(), "markers": top,
+                "inertia": {"diagonal": [7e-4, 7e-4, 1e-3]}, "start": {"position": [0, 0, -0.72], "angles": [0, 0, turned]}}
+    wave = {"law": "harmonic", "amplitude": 0.08, "frequency": 6.0}
+    return {
+        "title": "Delta robot", "space": "spatial", "gravity": [0, 0, -9.81], "frame": {"markers": base}, "link": [platform, *links], "joint": joints,
+        "coordinate": [{"marker": "platform.tool", "components": ["x", "y", "z"],
+                        "motion": {"x": wave, "y": wave | {"phase": 1.5}, "z": wave | {"mean": -0.72, "amplitude": 0.05, "frequency": 9.0}}}],
+        "actuator": [{"joint": f"{lead}{k}"} for k in range(3)],
+        "time": {"end": 1.0, "step": 0.01},
+    }
+
+
+def pair(lead: str) -> tuple[linkdyn.Scene, linkdyn.Scene]:
+    """By formulas and by iteration, which is told where all links are at the start: it finds assemblies with the platform turned, too."""
+    closed = linkdyn.Scene(delta(lead))
+    poses = closed.poses(q=closed.motion([0.0])[0])
+    content = delta(lead, turned=np.pi / 2)
+    for link in content["link"]:
+        k = closed.links.index(link["name"])
+        stand = Rotation.from_matrix(poses.rotation[0, k])
+        if k == 0:
+            stand = stand * Rotation.from_euler("z", np.pi / 2)
+        link["start"] = {"position": poses.position[0, k].tolist(), "angles": stand.as_euler("XYZ").tolist()}
+    for joint in content["joint"]:
+        joint.pop("start", None)
+    iterated = linkdyn.Scene(content)
+    assert "Newton" not in closed.explain() and "Newton" in iterated.explain()
+    return closed, iterated
+
+
+def leads(run: Any, lead: str) -> np.ndarray:
+    kind = {"R": "angle", "P": "slide"}[lead]
+    return run.joint_variable.sel(variable=[f"{lead}{k}.{kind}" for k in range(3)]).values
+
+
+@pytest.mark.parametrize("lead", LEADS)
+def test_explained(lead: str) -> None:
+    text = linkdyn.Scene(delta(lead)).explain()
+    assert "pose of platform from three coordinates, seen from frame, which it does not turn against" in text
+    assert text.count(f"{lead}SS leg") == 3 and text.count("rod rod") == 3
+
+
+@pytest.mark.parametrize("lead", LEADS)
+def test_lengths_by_hand(lead: str) -> None:
+    """Where each lead is follows from one circle or line and a sphere."""
+    scene = linkdyn.Scene(delta(lead))
+    t = np.linspace(0, 1, 201)
+    q = scene.motion(t)[0]
+    run = scene.inverse(q=q, want="all")
+    assert (run.status == 0).all()
+    found = leads(run, lead)
+    for k in range(3):
+        turn = Rotation.from_euler("z", -k * 2 * np.pi / 3)
+        p = turn.apply(q - [0.01, 0.02, -0.04]) + [RADIUS, 0, 0]      # middle of the platform's balls, as arm k sees it
+        if lead == "R":
+            x, y, z = (p - [0.2, 0, 0]).T
+            e = 0.3 * np.column_stack([np.cos(found[:, k]), np.zeros_like(y), -np.sin(found[:, k])])
+            np.testing.assert_allclose(np.linalg.norm(np.column_stack([x, y, z]) - e, axis=1), ROD, rtol=0, atol=2e-15)
+        else:
+            e = np.column_stack([np.full(len(p), 0.48), np.zeros(len(p)), found[:, k]])
+            np.testing.assert_allclose(np.linalg.norm(p - e, axis=1), ROD, rtol=0, atol=2e-15)
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+@pytest.mark.parametrize("lead", LEADS)
+def test_against_iteration(lead: str, in_order: bool) -> None:
+    """The same statuses, within reach and beyond, places and forces."""
+    closed, iterated = pair(lead)
+    q, qd, qdd = closed.motion(np.linspace(0, 1, 501))
+    if not in_order:
+        stream = np.random.default_rng(1)
+        q = q[stream.permutation(501)]
+        q[:, :2] *= stream.uniform(1, 9, (501, 1))
+    one, two = (scene.inverse(q, qd, qdd, want="all", in_order=in_order) for scene in (closed, iterated))
+    np.testing.assert_array_equal(one.status, two.status)
+    ok = (one.status == 0).values
+    assert ok.all() if in_order else 0.3 < ok.mean() < 1
+    np.testing.assert_allclose(leads(one, lead)[ok], leads(two, lead)[ok], rtol=0, atol=1e-13)
+    bound = 1e-11 * float(np.abs(two.driving_force[ok]).max())
+    np.testing.assert_allclose(one.driving_force[ok], two.driving_force[ok], rtol=0, atol=bound)
+    there, here = (scene.poses(q=q[ok]) for scene in (iterated, closed))
+    np.testing.assert_allclose(here.position, there.position, rtol=0, atol=1e-13)
+    assert np.abs(here.rotation[:, 0] - np.eye(3)).max() == 0
+
+
+@pytest.mark.parametrize("lead", LEADS)
+def test_forces_and_rates(lead: str) -> None:
+    """Power is in balance, solvers agree, rates are what differences of places say."""
+    scene = linkdyn.Scene(delta(lead))
+    step = 1e-4
+    t = 0.3 + step * np.arange(-2, 3)
+    run = scene.inverse(*scene.motion(t), want="all")
+    assert np.abs(run.power_imbalance).max() < 1e-12
+    for solver in ("lapack", "reduced"):
+        other = scene.inverse(*scene.motion(t), solver=solver)
+        np.testing.assert_allclose(other.driving_force, run.driving_force, rtol=0, atol=1e-11 * float(np.abs(run.driving_force).max()))
+    x = run.joint_variable.values
+    slope = (x[0] - 8 * x[1] + 8 * x[3] - x[4]) / (12 * step)
+    np.testing.assert_allclose(run.joint_rate.values[2], slope, rtol=0, atol=1e-8)
+
+
+def test_reach() -> None:
+    """Beyond the reach of an arm a pose is `unreachable`, right up to where it is, as by iteration."""
+    closed, iterated = pair("R")
+    q = np.zeros((601, 3))
+    q[:] = [0.01, 0.02, 0.0]                          # the middle
+    q[:, 2] = np.linspace(-0.9, -1.2, 601)
+    one, two = closed.inverse(q=q), iterated.inverse(q=q)
+    lowest = -np.sqrt(1.1**2 - 0.15**2) - 0.04
+    np.testing.assert_array_equal(one.status, two.status)
+    np.testing.assert_array_equal(one.status.values == 0, q[:, 2] > lowest)
+
+
+def elbows_in(turned: float = 0.0) -> dict[str, Any]:
+    """Hanging low, cranks inwards, as far as need be for rods that are upright as the platform comes up: the pairs let it turn then."""
+    content = delta("R", turned)
+    content["link"][0]["start"]["position"] = [0, 0, -1.085]
+    content["coordinate"][0].pop("motion")
+    content["coordinate"][0]["start"] = {"x": 0.01, "y": 0.02, "z": -1.125}
+    for joint in content["joint"]:
+        joint.pop("start", None)
+        if joint["name"] in ("E00", "E10", "E20"):
+            joint["branch"] = 1
+    return content
+
+
+def test_where_nothing_holds_the_attitude() -> None:
+    """All rods upright, a change point: the platform goes through it as it came, and is told; right there it is `singular`."""
+    scene = linkdyn.Scene(elbows_in())
+    upright = -0.3 * np.sin(np.radians(120)) - ROD - 0.04     # of the tool
+    q = np.zeros((201, 3))
+    q[:] = [0.01, 0.02, 0.0]
+    q[:, 2] = np.linspace(-1.125, -1.05, 201)
+    run = scene.inverse(q=q, want="all", in_order=True)
+    assert (run.status == 0).all() and run.attrs["change_points_passed"] == 1
+    angle = leads(run, "R")
+    assert np.degrees(angle.min()) < 115 and np.degrees(angle.max()) > 125 and np.abs(np.diff(angle, axis=0)).max() < 0.02
+    own = scene.inverse(q=q)
+    np.testing.assert_allclose(own.driving_force, run.driving_force, rtol=0, atol=1e-12)
+    q[:, 2] = upright + np.geomspace(1e-15, 1e-2, 201) - 1e-15
+    near = scene.inverse(q=q).status.values
+    codes = {meaning: code for code, meaning in enumerate(run.status.attrs["flag_meanings"].split())}
+    assert near[0] == codes["singular"] and near[-1] == codes["ok"]
+    assert (np.diff((near == codes["ok"]).astype(int)) >= 0).all()
+
+
+def test_pairs_that_are_not_parallel() -> None:
+    """A rod longer than the other of its pair turns the platform: by iteration, as before."""
+    scene = linkdyn.Scene(delta("R", longer=1e-3))
+    assert "Newton" in scene.explain()
+    q = scene.motion()[0]
+    assert (scene.inverse(q=q).status == 0).all()
+    assert np.abs(scene.poses(q=q).rotation[:, 0] - np.eye(3)).max() > 1e-4
+
+
+def test_branch_and_elbow() -> None:
+    """Elbows out and in, as their joints' `branch` says, and both are in the list."""
+    content = delta("R")
+    scene = linkdyn.Scene(content)
+    listed = scene.assemblies()
+    assert len(listed) == 8
+    angles = set()
+    for branch in (1, -1):
+        next(joint for joint in content["joint"] if joint["name"] == "E00")["branch"] = branch
+        other = linkdyn.Scene(content)
+        run = other.inverse(q=other.motion([0.0])[0], want="all")
+        assert run.status[0] == 0
+        angles.add(round(float(leads(run, "R")[0, 0]), 6))
+    assert len(angles) == 2
+
+
+def test_forward() -> None:
+    """A robot that falls keeps its energy, and falls as the one closed by iteration does."""
+    runs = []
+    for scene in pair("R"):
+        runs.append(scene.forward(0.15, step=0.01, rtol=1e-11, atol=1e-11))
+    energy = runs[0].kinetic_energy + runs[0].potential_energy - runs[0].work
+    assert np.abs(energy - energy[0]).max() < 1e-8
+    np.testing.assert_allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-8)
