@@ -9,8 +9,8 @@ module linkdyn_assemblies
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, step_group
-    use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable, is_pose_part
+    use linkdyn_model, only: model_type, group_type, step_type, step_group, is_dyad
+    use linkdyn_scene, only: joint_prismatic, joint_universal, joint_spherical, joint_n_variable, is_pose_part
     implicit none (type, external)
     private
     public :: assembly_list, find_assemblies
@@ -37,9 +37,10 @@ contains
         type(model_type), intent(in) :: model
         type(assembly_list), intent(out) :: list
         type(kinematic_state) :: state
-        integer :: branch(size(model%step))
+        integer :: branch(size(model%step)), chooser(size(model%step)), i
 
-        list%chooser = pack(model%step%joint(2), model%step%has_branches)
+        chooser = [(chooser_of(model, model%step(i)), i=1, size(model%step))]
+        list%chooser = pack(chooser, chooser > 0)
         call list_starts(model, list)
         allocate (list%variable(model%n_variable, most), list%branch(size(list%chooser), most), &
                   list%position(3, model%n_link, most), list%rotation(3, 3, model%n_link, most))
@@ -51,6 +52,46 @@ contains
         call go_on(model, 1, .true., branch, state, list)
     end subroutine find_assemblies
 
+    !> The joint at which a step's branch can be written: between its links or, of a dyad, any of its own. 0: none, or all of them are
+    !> parts of chains, which have no such key.
+    pure integer function chooser_of(model, step) result(joint)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer :: k
+
+        joint = 0
+        if (.not. step%has_branches) return
+        if (.not. is_of_chain(model, step%joint(2))) joint = step%joint(2)
+        if (joint > 0 .or. .not. is_dyad(step%kind)) return
+        do k = step%n_link + 1, 1, -1
+            if (.not. is_of_chain(model, step%joint(k))) joint = step%joint(k)
+        end do
+    end function chooser_of
+
+    !> Such joints are called after their leg, with a dot. One that the scene calls so itself has a start, too.
+    pure logical function is_of_chain(model, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint
+
+        is_of_chain = index(model%joint(joint)%name, ".") > 0
+    end function is_of_chain
+
+    !> What the keys `start` and `elbow` of a chain say: of a slide how far it is, else the angle between crank and rod.
+    pure integer function variable_of_chain(model, step) result(variable)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer :: k
+
+        associate (between => model%joint(step%joint(2)))
+            variable = between%first_variable + merge(3, 1, between%told_kind == joint_spherical)
+        end associate
+        do k = 1, 3
+            associate (joint => model%joint(step%joint(k)))
+                if (joint%told_kind == joint_prismatic) variable = joint%first_variable + 1
+            end associate
+        end do
+    end function variable_of_chain
+
     !> What starts can choose in groups closed by iteration: hinges and slides, but those that are coordinates; in a group that has
     !> none, links, but those that may spin idly. What the scene says of the start is told anew, of whatever link or joint: it counts
     !> beside them, and would choose another.
@@ -61,6 +102,10 @@ contains
         integer :: g, i, v
 
         allocate (list%telling(0), list%placed(0))
+        do i = 1, size(model%step)
+            if (model%step(i)%has_branches .and. chooser_of(model, model%step(i)) == 0) &
+                list%telling = [list%telling, variable_of_chain(model, model%step(i))]
+        end do
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 turns_or_slides = .false.
@@ -206,7 +251,7 @@ contains
         list%n = list%n + 1
         call measure_joints(model, state, variable, rate)
         list%variable(:, list%n) = variable(1, :)
-        list%branch(:, list%n) = pack(branch, model%step%has_branches)
+        list%branch(:, list%n) = pack(branch, [(chooser_of(model, model%step(l)) > 0, l=1, size(model%step))])
         do l = 1, model%n_link
             list%position(:, l, list%n) = link_position(model, state, l, 1)
             list%rotation(:, :, l, list%n) = link_rotation(model, state, l, 1)

@@ -12,6 +12,7 @@ import linkdyn
 import linkdyn.plot
 import numpy as np
 import pytest
+from test_chains import platform
 
 pytestmark = pytest.mark.accuracy
 
@@ -192,3 +193,46 @@ def test_forty_postures_of_a_platform() -> None:
         again = linkdyn.Scene(one.apply(content)).poses(in_order=True)
         np.testing.assert_allclose(again.position[0, 0], one.position[0], atol=1e-9)
         np.testing.assert_allclose(again.rotation[0, 0], one.rotation[0], atol=1e-9)
+
+
+def boom(leads: str) -> dict[str, Any]:
+    """On a cylinder that is a chain, led by its stroke or by the boom's hinge."""
+    return {
+        "title": "boom", "space": "planar", "frame": {"markers": {"A": [0, 1], "P": [0.5, 0]}},
+        "link": [{"name": "boom", "mass": 300, "cog": [2, 0], "inertia": 400, "markers": {"A": [0, 0], "Q": [1.5, 0]}}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "boom.A"]}],
+        "chain": [{"type": "cylinder", "name": "ram", "base": "frame.P", "platform": "boom.Q", "actuated": False,
+                   "barrel": {"mass": 20, "inertia": 1}, "rod": {"mass": 10, "inertia": 0.5}}],
+        "coordinate": [{"joint": leads, "start": 1.5 if leads == "ram.P" else 0.3}],
+    }
+
+
+def test_a_branch_is_named_where_it_can_be_written() -> None:
+    """Of a boom led by its cylinder's stroke at its hinge, for joints of a chain have no `branch`."""
+    found = linkdyn.Scene(boom("ram.P")).assemblies()
+    assert [list(one.branch) for one in found] == [["A"], ["A"]]
+    for one in found:
+        again = linkdyn.Scene(one.apply(boom("ram.P"))).assemblies()[0]
+        assert again.branch == one.branch
+        np.testing.assert_allclose(again.position, one.position, atol=1e-12)
+
+
+def test_where_chains_have_no_branch_their_start_chooses() -> None:
+    """A cylinder behind a boom that leads is drawn out one way or the other, as the key `start` of its chain says."""
+    content = boom("A")
+    found = linkdyn.Scene(content).assemblies()
+    assert len(found) == 2 and not any(one.branch for one in found)
+    for one in found:
+        (name, value), = one.start.items()
+        assert name == "ram.P.slide"
+        content["chain"][0]["start"] = float(value)
+        again = linkdyn.Scene(content).assemblies()[0]
+        np.testing.assert_allclose(again.joint_variable["ram.P.slide"], value, atol=1e-12)
+
+
+@pytest.mark.parametrize("elbow", [1, -1])
+def test_where_cranks_have_no_branch_their_elbow_chooses(elbow: int) -> None:
+    """What the word `start` says of the angle between crank and rod has the sign of the chain's `elbow`."""
+    found = linkdyn.Scene(platform("RUS", elbow=elbow)).assemblies()
+    assert len(found) == 64 and not any(one.branch for one in found)
+    assert [np.sign(value) for value in found[0].start.values()] == [elbow] * 6
