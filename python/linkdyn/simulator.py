@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn, Self
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Simulator", "SimulatorState"]
 __dir__ = only(__all__)
+
+ROUNDED = 1e-9
+"""Of the time between samplings, and of that of a run: so little beside a multiple is rounding."""
 
 
 class SimulatorState:
@@ -180,26 +184,29 @@ class Simulator:
         t_end
             [s]
         every
-            Time between samplings [s].
+            Time between samplings [s]; where the time to the end is no multiple of it, the last is as much shorter.
 
         Returns
         -------
         xarray.Dataset
-            "q" and "qd" (sample, coordinate) at the sampling instants, "driving_force" (sample, actuator) from there on, "time". A run that cannot go on
-            ends early: ``attrs["stopped"]`` says why, else it is empty.
+            "q" and "qd" (sample, coordinate) at the sampling instants and at the end, "driving_force" (sample, actuator) from there on, "time". A run that
+            cannot go on ends early: ``attrs["stopped"]`` says why, else it is empty.
+
+        Raises
+        ------
+        InputError
+            An end that is not later than where the simulator stands, a time that is not positive; a controller that gives something else than a finite
+            number for each actuator.
         """
         if not callable(controller):
             raise InputError(f"controller: expected a function of the simulator that gives forces, got {quoted(controller)}")
         every = as_positive("every", every)
-        n = round((as_number("t_end", t_end) - self.t) / every)
-        if n < 1:
-            raise InputError(f"t_end = {t_end!r}, every = {every:g} s: no sampling later than t = {self.t:g} s (expected a later end, or a shorter time)")
-        begin, stopped = self.t, ""
+        instants, stopped = self._samplings(as_number("t_end", t_end), every), ""
         t, q, qd, force = [self.t], [self._q.copy()], [self._qd.copy()], []
-        for k in range(1, n + 1):
+        for instant in instants:
             try:
                 self._hold(controller(self))
-                self._advance(begin + k * every)
+                self._advance(instant)
             except LinkdynError as error:
                 if str(error).startswith("the simulation cannot"):
                     stopped = str(error)
@@ -228,8 +235,23 @@ class Simulator:
     def __repr__(self) -> str:
         return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"
 
+    def _samplings(self, t_end: float, every: float) -> list[float]:
+        """Instants to go to, one after the other; the last is the end, but for rounding."""
+        begin = self.t
+        whole = (t_end - begin) / every
+        if not whole > ROUNDED:
+            raise InputError(f"t_end = {t_end!r}: not later than t = {begin:g} s, where the simulator stands (expected a later end)")
+        n = round(whole)
+        if abs(whole - n) <= ROUNDED * max(1.0, whole):
+            return [begin + k * every for k in range(1, n + 1)]
+        return [*(begin + k * every for k in range(1, math.ceil(whole))), t_end]
+
     def _hold(self, force: ArrayLike) -> None:
-        self._force[: self._size] = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
+        values = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
+        if not np.isfinite(values).all():
+            k = int(np.isfinite(values).argmin())
+            raise InputError(f"force[{k}] of actuator {str(self.scene.actuators[k])!r} is {values[k]} (expected a finite number)")
+        self._force[: self._size] = values
 
     def _advance(self, t_end: float) -> None:
         """In pieces, between which Python hears an interrupt."""

@@ -74,6 +74,27 @@ def test_sampled_controller_by_closed_form() -> None:
     assert run.sizes == {"sample": 101, "coordinate": 1, "actuator": 1}
 
 
+def test_a_run_goes_to_its_end() -> None:
+    """Where the time to it is no multiple of the controller's the last period is shorter: it ended at 0.9 s without a word."""
+    run = linkdyn.Scene(SLIDER).simulator().run(lambda s: [4.0], t_end=1.0, every=0.3)
+    np.testing.assert_allclose(run.time, [0.0, 0.3, 0.6, 0.9, 1.0], rtol=1e-15)
+    assert run.q.values[-1, 0] == pytest.approx(0.3 - 0.2 + 1.0, abs=1e-12)
+    np.testing.assert_array_equal(run.driving_force, np.full((5, 1), 4.0))
+    once = linkdyn.Scene(SLIDER).simulator().run(lambda s: [4.0], t_end=0.1, every=0.3)
+    np.testing.assert_array_equal(once.time, [0.0, 0.1])
+    whole = linkdyn.Scene(SLIDER).simulator().run(lambda s: [4.0], t_end=0.3, every=0.1)    # 0.3/0.1 is less than 3
+    np.testing.assert_allclose(whole.time, [0.0, 0.1, 0.2, 0.3], rtol=1e-15)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_forces_that_are_none_are_no_end_of_a_run(bad: float) -> None:
+    simulator = linkdyn.Scene(SLIDER).simulator()
+    with pytest.raises(InputError, match=rf"force\[0\] of actuator 'A' is {bad} \(expected a finite number\)"):
+        simulator.run(lambda s: [0.0 if s.t < 0.25 else bad], t_end=1.0, every=0.1)
+    assert simulator.t == pytest.approx(0.3)
+    simulator.step(0.1, [0.0])      # it stands where it stood, and goes on
+
+
 def test_reset_forgets() -> None:
     """The same way again, to the last bit; and from elsewhere."""
     simulator = linkdyn.load(EXAMPLES / "cart_pole" / "scene.toml").simulator()
