@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -321,3 +322,145 @@ def test_heads_of_columns_do_not_touch(tmp_path):
     assert len(heads) == len(table.head)
     gaps = [after.x0 - before.x1 for before, after in zip(heads, heads[1:])]
     assert min(gaps) > 2.0
+
+
+# ---------------------------------------------------------------- cylinders, stops, controllers, cams
+
+CRANE = """
+space = "planar"
+gravity = [0, -9.81]
+[frame]
+markers = { A = { at = [0, 0], axis = [0, 1] } }
+[[link]]
+name = "load"
+mass = 1000
+inertia = 1
+markers = { A = { at = [0, 0], axis = [0, 1] } }
+[[joint]]
+name = "ram"
+type = "prismatic"
+between = ["frame.A", "load.A"]
+[[coordinate]]
+joint = "ram"
+motion = { law = "polynomial-345", from = "500 mm", to = "1150 mm", duration = 2 }
+[[actuator]]
+joint = "ram"
+law = { type = "valve", value = "0.2*step(time - 0.1 s)" }
+[actuator.cylinder]
+bore = "50 mm"
+rod = "30 mm"
+stroke = ["600 mm", "1100 mm"]
+dead_volumes = ["0.3 litre", "0.3 litre"]
+bulk_modulus = "1.3 GPa"
+supply = "52 bar"
+tank = "2 bar"
+valve = { flow = "30 litre/min", drop = "35 bar" }
+[time]
+end = 2
+samples = 201
+"""
+
+
+@pytest.fixture(scope="module")
+def crane():
+    return linkdyn.Scene(CRANE)
+
+
+def warned(run, tmp_path, **options):
+    _, tables = read(linkdyn.sheet(run, tmp_path / "run.html", **options))
+    return tables, [(row[0].text, row[1].text) for row in tables.get("Warnings", [])]
+
+
+def test_cylinders_stand_on_the_sheet(crane, tmp_path):
+    """What is asked of a cylinder beside what it has, by the formulas of a piston; beyond both it is told with its worst instant."""
+    run = crane.inverse()
+    tables, told = warned(run, tmp_path)
+    head, ring = np.pi / 4 * 0.05**2, np.pi / 4 * (0.05**2 - 0.03**2)
+    pressure = (1000 * (9.81 + run.qdd.values[:, 0]) + 2e5 * ring) / head
+    slide = run.q.values[:, 0]
+    row, = tables["Cylinders"]
+    assert row[0].text == "ram"
+    found = [number(cell) for cell in row if cell.text and cell.text[0].isdigit() and " " not in cell.text]
+    flow = head * run.qd.values[:, 0] * 6e4
+    weights = np.diff(run.time.values).mean() / (run.time.values[-1] + np.diff(run.time.values).mean())
+    assert found == pytest.approx([pressure.max() / 1e5, 2.0, 52.0, flow.max(), flow.sum() * weights,
+                                   ((pressure - 2e5) * flow / 6e4).max() / 1e0, 500, 1150, 600, 1100], rel=1e-3)
+    above, beyond = pressure > 52e5, (slide < 0.6 - 1e-9) | (slide > 1.1 + 1e-9)
+    assert 0 < above.sum() < 201 and 0 < beyond.sum() < 201
+    first = run.time.values[[above.argmax(), beyond.argmax()]]
+    assert told[0][0] == f"the cylinder at ram is above supply in {above.sum()} of 201 samples: {pressure.max() / 1e5:.4g} bar, available 52 bar"
+    assert told[0][1] == f"most at {run.time.values[pressure.argmax()]:.6g} s, first at {first[0]:.6g} s"
+    assert told[1][0].startswith(f"the cylinder at ram is beyond stroke in {beyond.sum()} of 201 samples: ")
+    assert told[1][0].endswith(" mm, available 600 mm to 1100 mm") and f"first at {first[1]:.6g} s" in told[1][1]
+    found = run.linkdyn.cylinder("ram")
+    assert (found.attrs["above_supply"], found.attrs["beyond_stroke"], found.attrs["pressures_found"]) == (above.sum(), beyond.sum(), 0)
+
+
+def test_a_motion_that_a_cylinder_can_is_no_warning(crane, tmp_path):
+    """To both ends of the stroke, by the supply that it asks for, but for rounding."""
+    fits = crane.with_({"coordinate.ram.motion.from": 0.6, "coordinate.ram.motion.to": 1.1})
+    peak = float(fits.inverse().linkdyn.cylinder("ram").peak_pressure)
+    tables, told = warned(fits.with_({"actuator.ram.cylinder.supply": peak * (1 - 1e-12)}).inverse(), tmp_path)
+    assert told == [] and len(tables["Cylinders"]) == 1
+
+
+def test_pressures_of_a_run_are_those_of_its_states(crane, tmp_path):
+    """They came of the force, the other side at the tank's: 4.8 bar where there were 74.9."""
+    run = crane.with_({"coordinate.ram.motion.from": 0.7, "actuator.ram.cylinder.supply": 120e5}).forward(t=np.linspace(0.0, 0.4, 41), rtol=1e-7)
+    assert run.attrs["stopped"] == ""
+    found = run.linkdyn.cylinder("ram")
+    for chamber, name in (("head", "head"), ("rod", "rod")):
+        np.testing.assert_array_equal(found[f"{name}_pressure"], run.cylinder_pressure.sel(cylinder="ram", chamber=chamber))
+        np.testing.assert_array_equal(found[f"{name}_flow"], run.cylinder_flow.sel(cylinder="ram", chamber=chamber))
+    assert found.peak_pressure == run.cylinder_pressure.max() and found.attrs["pressures_found"] == 1
+    np.testing.assert_allclose(found.hydraulic_power, ((run.cylinder_pressure - 2e5) * run.cylinder_flow).sum("chamber").squeeze())
+    tables, told = warned(run, tmp_path)
+    row, = tables["Cylinders"]
+    assert told == [] and number(row[1]) == pytest.approx(float(run.cylinder_pressure.sel(chamber="head").max()) / 1e5, rel=1e-3)
+
+
+def test_stops_that_a_motion_passes_are_told(crane, tmp_path):
+    stopped = tomllib.loads(CRANE) | {"stop": [{"name": "end", "joint": "ram", "max": 1.0, "restitution": 0.3}]}
+    run = linkdyn.Scene(stopped).inverse()
+    beyond = run.q.values[:, 0] > 1.0
+    _, told = warned(run, tmp_path)
+    assert told[0] == (f"the motion passes the end stop 'end.max' of joint 'ram' by {beyond.sum()} samples", f"first at {run.time.values[beyond.argmax()]:.6g} s")
+
+
+def test_controllers_at_their_limits_are_told(tmp_path):
+    scene = tomllib.loads(CRANE)
+    scene["actuator"] = [{"joint": "ram"}]
+    scene["coordinate"] = [{"joint": "ram", "start": 0.5}]
+    scene["controller"] = [{"actuator": "ram", "target": 0.6, "kp": 4e5, "kd": 4e4, "limit": 12e3}]
+    run = linkdyn.Scene(scene).forward(t_end=0.5)
+    limited = run.controller_limited.values[:, 0] > 0
+    assert 0 < limited.sum() < len(limited)
+    _, told = warned(run, tmp_path)
+    assert told == [(f"the controller ram is at its limit in {limited.sum()} of {len(limited)} samples", f"first at {run.time.values[limited.argmax()]:.6g} s")]
+
+
+def test_followers_that_would_leave_their_cams_are_told(tmp_path):
+    scene = linkdyn.new("cam")
+    run = scene.inverse()
+    assert "Warnings" not in warned(run, tmp_path)[0]
+    run["contact_force"] = run.contact_force - float(run.contact_force.median())    # as a weaker spring would leave it
+    force = run.contact_force.values[:, 0]
+    lifts = force < -1e-6
+    assert 0 < lifts.sum()
+    _, told = warned(run, tmp_path)
+    what, where = next(row for row in told if "leave its cam" in row[0])
+    assert f"in {lifts.sum()} of {len(lifts)} samples: held by " in what and where.startswith(f"most at {run.time.values[force.argmin()]:.6g} s")
+
+
+def test_a_motor_at_its_limit_has_no_margin():
+    """It was what rounding leaves, 6.573e-14 N m."""
+    scene = tomllib.loads(CRANE)
+    scene["coordinate"] = [{"joint": "ram", "start": 0.5}]
+    scene["actuator"] = [{"joint": "ram", "law": {"type": "formula", "value": "25 N*m", "at": "motor"},
+                          "drive": {"lead": 0.01, "rotor_inertia": 1e-4, "torque_limit": 40.0}}]
+    run = linkdyn.Scene(scene).forward(t_end=0.2)
+    run["torque_margin"] = run.torque_margin * 0 + 6.573e-14     # of 25 N m
+    page = sheet_page(run)
+    motors = next(table for table in page.tables if table.title == "Motors")
+    margin = next(k for k, head in enumerate(motors.head) if head.startswith("least\nmargin"))
+    assert motors.rows[0][margin].text == "0" and not any(table.title == "Warnings" for table in page.tables)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,15 @@ from ..results import need_result
 from ..scene import Scene
 from .averages import good_samples, mean, rms, shares
 
-__all__ = ["cylinder", "motor"]
+__all__ = ["beyond_supply", "cylinder", "motor", "slide_beyond", "slide_of"]
 
 Values = NDArray[np.float64]
 STILL = 1e-9
 """A speed below this part of the largest is a standstill."""
+ROUNDED = 1e-9
+"""Of a pressure, and of a way [m]: what is at its limit is not beyond it."""
+GIVE = 1e-3
+"""Of a stroke: so far errors of steps let a piston beyond its stop in forward runs."""
 
 
 def motor(
@@ -127,8 +132,8 @@ def cylinder(
 ) -> xr.Dataset:
     """Pressures and flows of a hydraulic or pneumatic cylinder that gives an actuator's force.
 
-    The side that does not push stands under the tank's pressure; so the other has what the force asks for. (Pressures that are states of forward runs are
-    ``cylinder_pressure`` of these.)
+    Where a forward run has the cylinder's pressures as states, ``cylinder_pressure``, they are these, and flows are those through its valve. Else the side that
+    does not push stands under the tank's pressure; so the other has what the force asks for, which is the least.
 
     Parameters
     ----------
@@ -151,8 +156,9 @@ def cylinder(
     -------
     xarray.Dataset
         Along the run ``head_pressure``, ``rod_pressure`` [Pa], ``head_flow``, ``rod_flow`` [m^3/s] into the sides without and with the rod, ``hydraulic_power`` [W] of
-        the side that pushes, above the tank's pressure. Of the whole ``peak_pressure`` [Pa], ``peak_flow``, ``mean_flow`` [m^3/s] out of the supply, ``stroke`` [m]
-        and ``stroke_volume`` [m^3] where the joint variables are among the results. ``attrs["above_supply"]``: samples beyond the supply.
+        both, above the tank's pressure. Of the whole ``peak_pressure`` [Pa], ``peak_flow``, ``mean_flow`` [m^3/s] out of the supply, ``stroke`` [m]
+        and ``stroke_volume`` [m^3] where the joint variables are among the results. ``attrs["above_supply"]``: samples beyond the supply; ``attrs["beyond_stroke"]``: samples
+        with the slide beyond the ends of the scene's cylinder; ``attrs["pressures_found"]``: 1 where the pressures are states of the run.
 
     Raises
     ------
@@ -164,8 +170,11 @@ def cylinder(
         own = None if scene is None else next((found for found in scene.description["cylinders"] if found["name"] == actuator), None)
         if own is None:
             raise InputError(f"cylinder: the scene has no cylinder at {actuator!r} (expected bore=, rod=)")
-        areas = (own["head_area"], own["rod_area"])
-        return _pressures(run, actuator, areas, own["supply"], own["tank"], 1 if own["extended"] > own["retracted"] else -1)
+        areas, stroke = (own["head_area"], own["rod_area"]), (own["retracted"], own["extended"])
+        if "cylinder_pressure" in run and actuator in run["cylinder"].values:
+            return _figures(run, actuator, _states(run, actuator), areas, own["supply"], own["tank"], stroke, is_found=True)
+        sides = _asked(run, actuator, areas, own["tank"], 1 if stroke[1] > stroke[0] else -1)
+        return _figures(run, actuator, sides, areas, own["supply"], own["tank"], stroke)
     bore = as_positive("cylinder: bore", bore)
     rod = as_number("cylinder: rod", rod)
     if not 0 <= rod < bore:
@@ -174,13 +183,47 @@ def cylinder(
         raise InputError(f"cylinder: extends: expected 1 or -1, got {extends!r}")
     tank = as_number("cylinder: tank", tank)
     head_area = math.pi / 4 * bore**2
-    return _pressures(run, actuator, (head_area, head_area - math.pi / 4 * rod**2), supply, tank, extends)
+    areas = (head_area, head_area - math.pi / 4 * rod**2)
+    return _figures(run, actuator, _asked(run, actuator, areas, tank, extends), areas, supply, tank)
+
+
+def slide_of(run: xr.Dataset, actuator: str) -> Values | None:
+    """Along the run, of the slide that an actuator drives [m]; None if joint variables are not among the results."""
+    name = f"{actuator.partition(':')[0].removesuffix('.slide')}.slide"
+    if "joint_variable" not in run or name not in run["variable"].values:
+        return None
+    values: Values = run.joint_variable.sel(variable=name).values
+    return values
+
+
+def beyond_supply(pressure: Values, supply: float) -> Values:
+    """What a pressure asks for above the supply's [Pa]; zero where that suffices, but for rounding."""
+    above: Values = np.where(pressure > (1 + ROUNDED) * supply, pressure - supply, 0.0)
+    return above
+
+
+def slide_beyond(run: xr.Dataset, slide: Values, stroke: tuple[float, float]) -> Values:
+    """How far a slide is beyond the ends of a cylinder [m]; zero within, where it touches an end, and where a sample failed."""
+    give = GIVE * abs(stroke[1] - stroke[0]) if "method" in run.attrs else ROUNDED
+    way = np.nan_to_num(np.maximum(min(stroke) - slide, slide - max(stroke)))
+    beyond: Values = np.where((way > give) & good_samples(run), way, 0.0)
+    return beyond
 
 
 # ---------------------------------------------------------------- parts
 
-def _pressures(run: xr.Dataset, actuator: str, areas: tuple[float, float], supply: float | None, tank: float, extends: int) -> xr.Dataset:
-    """Of the side that pushes, from the force."""
+@dataclass(frozen=True)
+class _Sides:
+    """Pressures of the sides without and with the rod [Pa], and flows into them [m^3/s]."""
+
+    head: Values
+    ring: Values
+    head_flow: Values
+    rod_flow: Values
+
+
+def _asked(run: xr.Dataset, actuator: str, areas: tuple[float, float], tank: float, extends: int) -> _Sides:
+    """What the force asks of the side that pushes."""
     head_area, rod_area = areas
     force, speed = (extends * need_result(run, name, "cylinder").sel(actuator=actuator).values for name in ("driving_force", "driving_speed"))
     pushes = force + tank * (rod_area - head_area) >= 0
@@ -188,31 +231,46 @@ def _pressures(run: xr.Dataset, actuator: str, areas: tuple[float, float], suppl
     ring = np.where(pushes, tank, (tank * head_area - force) / rod_area)
     gone = np.isnan(force)
     head[gone] = ring[gone] = np.nan
-    head_flow, rod_flow = head_area * speed, -rod_area * speed
-    active = np.where(pushes, head_flow, rod_flow)
-    pressure = np.where(pushes, head, ring)
+    return _Sides(head, ring, head_area * speed, -rod_area * speed)
+
+
+def _states(run: xr.Dataset, actuator: str) -> _Sides:
+    """What a forward run has found."""
+    pressure, flow = (need_result(run, name, "cylinder").sel(cylinder=actuator) for name in ("cylinder_pressure", "cylinder_flow"))
+    return _Sides(*(values.sel(chamber=chamber).values for values in (pressure, flow) for chamber in ("head", "rod")))
+
+
+def _figures(
+    run: xr.Dataset, actuator: str, sides: _Sides, areas: tuple[float, float], supply: float | None, tank: float,
+    stroke: tuple[float, float] | None = None, is_found: bool = False,
+) -> xr.Dataset:  # fmt: skip
+    """Of both sides along the run, and of the whole."""
     weights, good = shares(run), good_samples(run)
     found = {
-        "head_pressure": (head, "Pa", "pressure on the side without the rod"),
-        "rod_pressure": (ring, "Pa", "pressure on the side with the rod"),
-        "head_flow": (head_flow, "m3/s", "flow into the side without the rod"),
-        "rod_flow": (rod_flow, "m3/s", "flow into the side with the rod"),
-        "hydraulic_power": ((pressure - tank) * active, "W", "power of the side that pushes"),
+        "head_pressure": (sides.head, "Pa", "pressure on the side without the rod"),
+        "rod_pressure": (sides.ring, "Pa", "pressure on the side with the rod"),
+        "head_flow": (sides.head_flow, "m3/s", "flow into the side without the rod"),
+        "rod_flow": (sides.rod_flow, "m3/s", "flow into the side with the rod"),
+        "hydraulic_power": ((sides.head - tank) * sides.head_flow + (sides.ring - tank) * sides.rod_flow, "W", "power of the oil or gas that flows in"),
     }
-    drawn = np.maximum(np.maximum(head_flow, rod_flow), 0.0)
+    pressure = np.maximum(sides.head, sides.ring)
+    drawn = np.maximum(np.maximum(sides.head_flow, sides.rod_flow), 0.0)
     whole = {
         "peak_pressure": (_peak(pressure, good), "Pa", "largest pressure"),
         "peak_flow": (_peak(drawn, good), "m3/s", "largest flow out of the supply"),
         "mean_flow": (mean(drawn, weights), "m3/s", "mean flow out of the supply"),
     }
-    name = f"{actuator.partition(':')[0].removesuffix('.slide')}.slide"
-    if "joint_variable" in run and name in run["variable"].values:
-        slide = run.joint_variable.sel(variable=name).values[good]
-        stroke = np.ptp(slide) if slide.size else np.nan
-        whole["stroke"] = (stroke, "m", "way between both ends of the motion")
-        whole["stroke_volume"] = (stroke * head_area, "m3", "what the side without the rod takes over that way")
-    above = 0 if supply is None else int(np.sum(pressure[good] > as_positive("cylinder: supply", supply)))
-    return _told(run, found, whole, {"actuator": actuator, "above_supply": above})
+    attributes = {"actuator": actuator, "above_supply": 0, "beyond_stroke": 0, "pressures_found": int(is_found)}
+    if supply is not None:
+        attributes["above_supply"] = int(np.count_nonzero(beyond_supply(pressure[good], as_positive("cylinder: supply", supply))))
+    slide = slide_of(run, actuator)
+    if slide is not None:
+        way = np.ptp(slide[good]) if good.any() else np.nan
+        whole["stroke"] = (way, "m", "way between both ends of the motion")
+        whole["stroke_volume"] = (way * areas[0], "m3", "what the side without the rod takes over that way")
+        if stroke is not None:
+            attributes["beyond_stroke"] = int(np.count_nonzero(slide_beyond(run, slide, stroke)))
+    return _told(run, found, whole, attributes)
 
 
 def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:

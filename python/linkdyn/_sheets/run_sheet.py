@@ -16,15 +16,17 @@ from .._cycle.averages import good_samples, rms, shares
 from .._cycle.energy import energy
 from .._drawing.forces import borne
 from .._drawing.style import plain_units, readable
-from .._drawing.sweep_data import describe_place
 from .._geometry.kinematics import variable_of
 from .._geometry.postures import scene_of
 from .._printable import printable
 from ..errors import InputError, LinkdynError
 from ..scene import Scene
+from .cylinder_sheet import cylinders_table
+from .places import place_of, turning_coordinate
+from .run_warnings import ROUNDED, warnings_table
 from .sheet import NONE, Cell, Page, Picture, Table, cell_of, count_words, limits_table, machine_picture, provenance
 
-__all__ = ["run_page", "turning_coordinate"]
+__all__ = ["run_page"]
 
 Values = NDArray[np.float64]
 
@@ -36,10 +38,6 @@ LOWEST_TRANSMISSION = np.radians(40.0)
 """VDI 2125 wants no smaller transmission angle of what turns at speed."""
 ROUNDING = 1e-12
 """Of the largest value: what is left of a sum that is zero."""
-ROUNDED = 1e-9
-"""Of a torque: what is saturated at its limit is not beyond it."""
-IMBALANCE = 1e-9
-"""Of the power, as a part of its terms: rounding leaves some 1e-15."""
 
 
 def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
@@ -58,23 +56,13 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     limits = _bounded(run, scene)
     page.tables = [
         table
-        for table in (_warnings(run, limits), *_drives(run, scene), _motors(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
+        for table in (warnings_table(run, scene, limits), *_drives(run, scene), _motors(run, scene), cylinders_table(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
                       limits_table(limits) if limits is not None else None)
         if table is not None
     ]
     page.pictures = _pictures(run, scene)
     page.notes = _notes(run)
     return page
-
-
-def turning_coordinate(run: xr.Dataset) -> str | None:
-    """The crank: the only coordinate, an angle that turns on by a turn at least; None if there is no such."""
-    if run.sizes.get("coordinate") != 1 or str(run.coordinate_unit.values[0]) != "rad" or run.sizes["sample"] < 2:
-        return None
-    steps = np.diff(run.q.values[:, 0])
-    turns = abs(run.q.values[-1, 0] - run.q.values[0, 0])
-    is_crank = ((steps > 0).all() or (steps < 0).all()) and turns > 2 * np.pi * (1 - 1e-9)
-    return str(run.coordinate.values[0]) if is_crank else None
 
 
 def _kept(run: xr.Dataset) -> Scene | None:
@@ -85,7 +73,7 @@ def _kept(run: xr.Dataset) -> Scene | None:
         return None
 
 
-# ---------------------------------------------------------------- head and warnings
+# ---------------------------------------------------------------- head
 
 def _facts(run: xr.Dataset) -> list[str]:
     n = run.sizes["sample"]
@@ -104,83 +92,6 @@ def _notes(run: xr.Dataset) -> list[str]:
     return notes
 
 
-def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
-    """What a designer must know before the numbers; nothing where there is nothing."""
-    rows: list[tuple[str, str]] = []
-    bad = ~good_samples(run)
-    if bad.any():
-        meanings = str(run.status.attrs.get("flag_meanings", "")).split()
-        kinds = ", ".join(dict.fromkeys(meanings[code] if code < len(meanings) else str(code) for code in run.status.values[bad]))
-        why = f": {run.attrs['failure']}" if run.attrs.get("failure") else ""
-        rows.append((f"{count_words(int(bad.sum()))} of {count_words(len(bad))} samples failed ({kinds})", f"first at {_place(run, int(bad.argmax()))}{why}"))
-    if run.attrs.get("stopped"):
-        rows.append(("the run stopped before its end", str(run.attrs["stopped"])))
-    for name, words in (("change_points_passed", "change points passed"), ("assemblies_found_anew", "assemblies found anew from the start")):
-        if n := int(run.attrs.get(name, 0)):
-            code = 1 if name == "change_points_passed" else 2
-            first = int((run.assembly.values == code).argmax()) if "assembly" in run else 0
-            rows.append((f"{n} {words}", f"first at {_place(run, first)}"))
-    if "power_imbalance" in run:
-        worst = np.nan_to_num(np.abs(run.power_imbalance.values))
-        if worst.size and worst.max() > IMBALANCE:
-            rows.append((f"the power balance is off by {worst.max():.2g} of its terms", f"at {_place(run, int(worst.argmax()))}"))
-    if shared := str(run.attrs.get("shared_reactions", "")):
-        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ") if not name.endswith(".driving_force")))
-        taken = {"stiffness": "the least elastic energy"}.get(str(run.attrs["redundancy"]), "the least sum of squares")
-        felt = ", and all forces depend on it by friction" if ".driving_force" in shared else ""
-        rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}{felt}", ", ".join(joints)))
-    rows += _overloads(run)
-    rows += _beyond(limits) if limits is not None else []
-    if not rows:
-        return None
-    return Table("Warnings", ["what", "where"], [[Cell(what, alarm=True), Cell(where)] for what, where in rows], wide=(0, 1))
-
-
-def _overloads(run: xr.Dataset) -> list[tuple[str, str]]:
-    """Motors of which more torque is asked than they have at their speed, each with the worst sample."""
-    if "torque_margin" not in run or not run.sizes["sample"]:
-        return []
-    rows = []
-    for k, name in enumerate(map(str, run.motor.values)):
-        torque, margin = np.abs(run.motor_torque.values[:, k]), np.nan_to_num(run.torque_margin.values[:, k], nan=np.inf)
-        short = margin < -ROUNDED * torque
-        if not short.any():
-            continue
-        worst = int(margin.argmin())
-        factor, word = readable("N m", float(torque[worst]))
-        rows.append((f"the motor of {name} is overloaded in {count_words(int(short.sum()))} of {count_words(len(short))} samples: {torque[worst] * factor:.4g} {word}, "
-                     f"available {max(0.0, torque[worst] + margin[worst]) * factor:.4g} {word}", f"most at {_place(run, worst)}, first at {_place(run, int(short.argmax()))}"))
-    return rows
-
-
-def _beyond(limits: xr.Dataset) -> list[tuple[str, str]]:
-    """Limits that are exceeded, each with the extreme that does and its instant."""
-    rows = []
-    for k, name in enumerate(map(str, limits.bound.values)):
-        quantity, at, unit = str(limits.bound_of.values[k]), str(limits.bound_at.values[k]), str(limits.bound_unit.values[k])
-        for side, sign in (("max", 1.0), ("min", -1.0)):
-            allowed = float(limits[f"bound_{side}"].values[k])
-            found, places = limits[f"{quantity}_{side}"], limits[f"{quantity}_{side}_at"].values
-            labels = [" ".join(map(str, label)) for label in _labels(found)]
-            values = found.values.reshape(-1)
-            chosen = [i for i in range(len(values)) if not at or labels[i] in at.split(", ")]
-            worst = max(chosen, key=lambda i: np.nan_to_num(sign * values[i], nan=-np.inf))
-            if np.isnan(allowed) or not sign * values[worst] > sign * allowed:
-                continue
-            factor, word = readable(unit, max(abs(allowed), abs(float(values[worst]))))
-            numbers = f"{values[worst] * factor:.4g} {word}, allowed {allowed * factor:.4g} {word}".replace("-", "−")
-            rows.append((f"beyond the limit {name}: {labels[worst]} {numbers}".replace("  ", " "),
-                         f"at {describe_place(limits, places.reshape(len(values), -1)[worst])}"))
-    return rows
-
-
-def _labels(values: xr.DataArray) -> list[tuple[Any, ...]]:
-    labels: list[tuple[Any, ...]] = [()]
-    for dimension in values.dims:
-        labels = [(*before, label) for before in labels for label in values[dimension].values]
-    return labels
-
-
 def _bounded(run: xr.Dataset, scene: Scene | None) -> xr.Dataset | None:
     """The bounds that the scene's sweep states, looked for along the run: as a sweep over its instants, where they exclude nothing."""
     if scene is None or "time" not in run.coords or "method" in run.attrs or run.sizes["sample"] < 2:
@@ -195,16 +106,6 @@ def _bounded(run: xr.Dataset, scene: Scene | None) -> xr.Dataset | None:
         return scene.sweep({**kept, "limit": bounds, "reduce": sorted({str(bound["of"]) for bound in bounds}), "axis": [axis]})
     except LinkdynError:    # a bound on what only its own axes bring
         return None
-
-
-def _place(run: xr.Dataset, sample: int) -> str:
-    if "time" not in run.coords:
-        return f"sample {sample}"
-    words = f"{float(run.time[sample]):.6g} s"
-    crank = turning_coordinate(run)
-    if crank is None:
-        return words
-    return f"{words}, {crank} {np.degrees(float(run.q[sample, 0])):.4g}°".replace("-", "−")
 
 
 # ---------------------------------------------------------------- tables
@@ -229,9 +130,9 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
     (high, high_at), (low, low_at) = _peak(force, 1), _peak(force, -1)
     words = ("highest\ntorque", "lowest\ntorque") if unit == "N m" else ("highest\nforce", "lowest\nforce")
     add([words[0]], [high], unit)
-    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in high_at]))
+    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in high_at]))
     add([words[1]], [low], unit)
-    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in low_at]))
+    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in low_at]))
     add(["rms"], [np.atleast_1d(rms(force, weights))], unit)
     length = "rad" if unit == "N m" else "m"
     if scene is not None and "joint_variable" in run:
@@ -267,7 +168,7 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
     torque, speed, power = (run[name].values for name in ("motor_torque", "motor_speed", "motor_power"))
     peak, at = _peak(np.abs(torque), 1)
     add(["peak\ntorque"], [peak], "N m")
-    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in at]))
+    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in at]))
     add(["rms\ntorque"], [np.atleast_1d(rms(torque, weights))], "N m")
     add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0] * 30 / np.pi], "rpm")  # as data sheets have it
     add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
@@ -275,7 +176,9 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
         current = run.motor_current.values
         add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(current), 1)[0], np.atleast_1d(rms(current, weights))], "A")
     if "torque_margin" in run:
-        add(["least\nmargin"], [np.nanmin(run.torque_margin.values, axis=0, initial=np.inf)], "N m")
+        margin = run.torque_margin.values
+        margin = np.where(np.abs(margin) <= ROUNDED * np.abs(torque), 0.0, margin)     # at its limit
+        add(["least\nmargin"], [np.nanmin(margin, axis=0, initial=np.inf)], "N m")
     names = [str(name) for name in run.motor.values]
     if scene is not None:
         locks = {motor["name"] for motor in scene.description["motors"] if motor["back_efficiency"] <= 0}
@@ -310,7 +213,7 @@ def _joints(run: xr.Dataset) -> Table | None:
             continue
         factor, name = readable(unit, float(np.nanmax(peak)))
         columns.append((f"peak\n{word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(peak, acts)]))
-        columns.append(("at", [Cell(_place(run, k)) if there else Cell(NONE) for k, there in zip(at, acts)]))
+        columns.append(("at", [Cell(place_of(run, k)) if there else Cell(NONE) for k, there in zip(at, acts)]))
         for i in part if len(part) > 1 else []:
             parts_there = np.array([values[k, joint, i] if there else np.nan for joint, (k, there) in enumerate(zip(at, acts))])
             parts_there[np.abs(parts_there) < ROUNDING * peak] = 0.0
@@ -331,7 +234,7 @@ def _transmission(run: xr.Dataset) -> Table | None:
     acute = np.minimum(angle, np.pi - angle)
     worst, at = _peak(-acute, 1)
     rows = [
-        [Cell(str(name)), cell_of(-value, 180 / np.pi, alarm=-value < LOWEST_TRANSMISSION), Cell(_place(run, k) if k >= 0 else NONE)]
+        [Cell(str(name)), cell_of(-value, 180 / np.pi, alarm=-value < LOWEST_TRANSMISSION), Cell(place_of(run, k) if k >= 0 else NONE)]
         for name, value, k in zip(run.dyad.values, worst, at)
         if not -value > np.pi / 2 - 1e-6      # a guide that stands square, as a cylinder's always does
     ]
@@ -362,7 +265,7 @@ def _shaking(run: xr.Dataset, scene: Scene | None) -> Table | None:
             rows.append([Cell(words), Cell("0"), Cell(plain_units(unit)), Cell(NONE), Cell("0")])
             continue
         factor, name = readable(unit, float(peak[0]))
-        rows.append([Cell(words), cell_of(peak[0], factor), Cell(name), Cell(_place(run, int(at[0]))),
+        rows.append([Cell(words), cell_of(peak[0], factor), Cell(name), Cell(place_of(run, int(at[0]))),
                      cell_of(float(rms(size[:, 0], shares(run))), factor)])
     return Table("Shaking of the frame by inertia", ["", "peak", "unit", "at", "rms"], rows, wide=(0, 2, 3)) if rows else None
 

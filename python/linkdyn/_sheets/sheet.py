@@ -93,7 +93,7 @@ class Page:
 def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None = None, scene: Scene | None = None) -> Path:
     """Write the sheet of a run or of a sweep: what a machine asks of its drives and joints, with pictures inside the file.
 
-    Of a run: drives and bearings with their peaks, where they are, rms values and power; transmission angles, shaking force; limits that the scene's ``[sweep]``
+    Of a run: drives, motors, cylinders and bearings with their peaks, where they are, rms values and power; transmission angles, shaking force; limits that the scene's ``[sweep]``
     states and where they are exceeded; samples that failed. Of a sweep, per actuator: push, pull and where, rms, stroke, speed, power; joint loads and swing; limits with
     margins; why poses are not feasible; worst load directions.
 
