@@ -113,6 +113,8 @@ contains
                     elimination%n_turned = elimination%n_turned + 1
                 else if (u > 0) then
                     exit
+                else if (any(work%is_open .and. .not. work%is_next)) then
+                    work%is_next = work%is_open        ! what was to come last costs operations now, but no sample
                 else
                     call give_up_a_sample(work, found)
                     if (.not. found) return

@@ -479,6 +479,31 @@ def test_alarm_near_a_singular_platform(tmp_path: Path) -> None:
     assert outcome[1e-6] == outcome[1e-9] == outcome[0.0] == ALARM
 
 
+def stephenson_ii(size: float) -> dict[str, Any]:
+    """Led at a joint between two of its moving links."""
+    at = {"A": (0, 0), "D": (0.5, 0), "B": (0.1, 0.25), "C": (0.45, 0.35), "G": (0.25, 0.55), "F": (0.75, 0.6), "E": (0.8, 0.2)}
+    links = {"frame": "AD", "l2": "AB", "l3": "BCG", "l4": "CF", "l5": "GE", "l6": "FED"}
+    points = {name: size * np.array(point) for name, point in at.items()}
+    scene: dict[str, Any] = {"space": "planar", "gravity": [0.3, -9.81], "link": [], "joint": []}
+    for name, of in links.items():
+        markers = {point: (points[point] - points[of[0]]).tolist() for point in of}
+        if name == "frame":
+            scene["frame"] = {"markers": {point: points[point].tolist() for point in of}}
+        else:
+            cog = np.mean(list(markers.values()), axis=0).tolist()
+            scene["link"].append({"name": name, "mass": 2.0, "cog": cog, "inertia": 0.04 * size**2, "markers": markers, "start": {"position": points[of[0]].tolist()}})
+    for point in "ABCGFED":
+        first, second = (name for name, of in links.items() if point in of)
+        scene["joint"].append({"name": point, "type": "revolute", "between": [f"{first}.{point}", f"{second}.{point}"]})
+    return scene | {"coordinate": [{"joint": "G"}], "actuator": [{"joint": "G"}]}
+
+
+@pytest.mark.parametrize("size", [3.0, 1.0, 0.5, 0.1, 0.01])
+def test_size_does_not_decide_about_a_record(size: float) -> None:
+    """Driving forces are solved for last where nothing else is wanted; in N m against forces in N these were no pivots then."""
+    assert "driving_force" in linkdyn.Scene(stephenson_ii(size)).generate(want=["driving_force"]).header
+
+
 @pytest.mark.parametrize("make", [SPATIAL["bennett"], SPATIAL["spherical"], three_cranks], ids=["bennett", "spherical", "cranks"])
 def test_shared_reactions_at_rest(make: Callable[[], dict[str, Any]], tmp_path: Path) -> None:
     """How the sides of joints part there is the rounding of weights, and no reason for an alarm."""
