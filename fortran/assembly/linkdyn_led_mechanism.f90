@@ -78,7 +78,7 @@ contains
         integer :: n_column
 
         n_column = state%n_column
-        call lead_groups(model, state, ways)
+        if (size(model%group) > 0) call lead_groups(model, state, ways)
         least = huge(1.0_wp)
         if (allocated(ways%least)) least = ways%least(:, model%n_branch + 1:)
         status = state%way_status

@@ -253,3 +253,15 @@ def test_written_otherwise() -> None:
             joint["between"].reverse()
     a, b = linkdyn.Scene(content).inverse(), linkdyn.Scene(other).inverse()
     np.testing.assert_allclose(a.driving_force, b.driving_force, rtol=0, atol=1e-12 * float(np.abs(a.driving_force).max()))
+
+
+def test_singularity_distance() -> None:
+    """Of the slide that leads a crank how far it is from its outer dead point; platforms on legs with rods alone have one, too."""
+    scene = dead_points(3)[0]
+    gap = np.geomspace(1e-3, 1e-7, 9)
+    run = scene.inverse(q=(0.3 + np.sqrt(0.8**2 - 0.01) - gap)[:, None], want="singularity_distance")
+    assert (run.status == 0).all()
+    np.testing.assert_allclose(run.singularity_distance / gap, 1, rtol=0, atol=2e-2)
+    for kind in ("RUS", "PSS"):
+        still = linkdyn.Scene(platform(kind)).inverse(q=[[0.0, 0.0, 0.8, 0.0, 0.0, 0.0]], want="singularity_distance")
+        assert still.status[0] == 0 and 0 < still.singularity_distance.item() < 2

@@ -230,7 +230,7 @@ def test_slides_that_run_away(seed: int) -> None:
 
 
 def delta_by_tool() -> linkdyn.Scene:
-    """The robot of `examples/delta` led by the place of its platform: all loops are closed by iteration."""
+    """The robot of `examples/delta` led by the place of its platform: all loops are closed arm by arm."""
     scene = linkdyn.Builder.of(linkdyn.load(ROOT / "examples" / "delta" / "scene.toml")).to_dict()
     lead = {"link": "platform", "components": ["x", "y", "z"], "start": {"z": -0.75}}
     return linkdyn.Scene(scene | {"coordinate": [lead]})
