@@ -75,7 +75,7 @@ def pair(lead: str) -> tuple[linkdyn.Scene, linkdyn.Scene]:
 
 def leads(run: Any, lead: str) -> np.ndarray:
     kind = {"R": "angle", "P": "slide"}[lead]
-    return run.joint_variable.sel(variable=[f"{lead}{k}.{kind}" for k in range(3)]).values
+    return np.asarray(run.joint_variable.sel(variable=[f"{lead}{k}.{kind}" for k in range(3)]))
 
 
 @pytest.mark.parametrize("lead", LEADS)
@@ -170,7 +170,7 @@ def elbows_in(turned: float = 0.0) -> dict[str, Any]:
 
 
 def test_where_nothing_holds_the_attitude() -> None:
-    """All rods upright, a change point: the platform goes through it as it came, and is told; right there it is `singular`."""
+    """All rods upright, a change point: the platform goes through it as it came, and is told; close to it it is `singular`."""
     scene = linkdyn.Scene(elbows_in())
     upright = -0.3 * np.sin(np.radians(120)) - ROD - 0.04     # of the tool
     q = np.zeros((201, 3))
@@ -182,10 +182,11 @@ def test_where_nothing_holds_the_attitude() -> None:
     assert np.degrees(angle.min()) < 115 and np.degrees(angle.max()) > 125 and np.abs(np.diff(angle, axis=0)).max() < 0.02
     own = scene.inverse(q=q)
     np.testing.assert_allclose(own.driving_force, run.driving_force, rtol=0, atol=1e-12)
-    q[:, 2] = upright + np.geomspace(1e-15, 1e-2, 201) - 1e-15
+    off = np.geomspace(1e-12, 1e-2, 201)
+    q[:, 2] = upright + off
     near = scene.inverse(q=q).status.values
     codes = {meaning: code for code, meaning in enumerate(run.status.attrs["flag_meanings"].split())}
-    assert near[0] == codes["singular"] and near[-1] == codes["ok"]
+    assert (near[off < 3e-8] == codes["singular"]).all() and (near[off > 1e-6] == codes["ok"]).all()
     assert (np.diff((near == codes["ok"]).astype(int)) >= 0).all()
 
 
