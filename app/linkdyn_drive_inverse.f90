@@ -15,7 +15,7 @@ module linkdyn_drive_inverse
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
-    use linkdyn_results, only: layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
+    use linkdyn_results, only: wanted_type, layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
         samples_width, find_driving_power, view_motor_loads, flag_unsound, result_time, result_q, result_qd, result_qdd, &
         result_driving_force, result_driving_speed, result_driving_power, result_joint_rate, result_transmission_force, &
         result_assembly, variable_index
@@ -73,7 +73,7 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), &
+            call describe_results(model%scene, wanted_of(config, model%scene), .true., layout, dyad=dyad_names(model), &
                                   length=typical_length(model), follows_assembly=follows_assembly(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
@@ -92,6 +92,17 @@ contains
         exit_status = exit_samples_failed
         call say(trim(config%scene)//": failed samples: "//failure_text(summary))
     end subroutine drive_inverse
+
+    !> What is computed: where nothing is written, what the summary tells of.
+    function wanted_of(config, scene) result(wanted)
+        type(command_line), intent(in) :: config
+        type(scene_type), intent(in) :: scene
+        type(wanted_type) :: wanted
+
+        wanted = config%wanted
+        if (config%no_output .and. .not. allocated(config%want)) &
+            wanted%joint_variable = has_hard_stops(scene) .or. any(scene%actuator%cylinder%is_given)
+    end function wanted_of
 
     !> Read and plan a scene; messages start with the file's name.
     subroutine load_model(file, is_inverse, model, status)
@@ -121,21 +132,24 @@ contains
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
         type(assembly_trail) :: trail
-        type(turn_count), allocatable :: turns        !! if results are kept: then blocks are computed in their order
+        type(turn_count), allocatable :: turns        !! if results are kept or stops looked for: then blocks come in their order
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
         integer(int64) :: run_start
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
+        logical :: counts_turns, is_in_order
 
         length = merge(passing_block, written_block, output%is_none)
         length = max(lanes, min(length, most_values/width_of(layout)/lanes*lanes))
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
-        ! Where assemblies are followed along the motion, blocks are taken in their order.
+        ! Where assemblies are followed along the motion, or turns are counted, blocks are taken in their order.
+        counts_turns = .not. output%is_none .or. has_hard_stops(model%scene)
+        is_in_order = counts_turns .or. has_assemblies(model)
         n_taker = 1
-        if (output%is_none .and. .not. has_assemblies(model)) n_taker = team_size(config%options%threads, n_group)
-        n_helper = merge(1, config%options%threads, output%is_none .and. .not. has_assemblies(model))
+        if (.not. is_in_order) n_taker = team_size(config%options%threads, n_group)
+        n_helper = merge(config%options%threads, 1, is_in_order)
         allocate (part(n_group))
-        if (.not. output%is_none) allocate (turns)
+        if (counts_turns) allocate (turns)
         n_done = 0
         seconds = 0
         call system_clock(run_start)

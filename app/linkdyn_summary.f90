@@ -2,6 +2,7 @@
 !> how many samples failed, how long it took.
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
+    use linkdyn_cylinder_laws, only: cylinder_force
     use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_choice, only: choices_in_words, sharing_in_words
     use linkdyn_kinds, only: wp
@@ -14,7 +15,8 @@ module linkdyn_summary
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, measure_joint
+    use linkdyn_scene, only: scene_type, cylinder_spec, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, &
+        measure_joint
     use linkdyn_shared_words, only: shares_in_words
     use linkdyn_status, only: sample_ok, sample_singular, sample_status_name, message_len
     use linkdyn_text, only: to_text, quoted
@@ -23,6 +25,9 @@ module linkdyn_summary
     private
     public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
         passed_stops, significant, left, right
+
+    real(wp), parameter :: touch = 1.0e-9_wp             !! [m, rad] a motion that ends at a stop is not beyond it
+    real(wp), parameter :: rounded_share = 1.0e-9_wp     !! what is at its limit but for rounding is not beyond it
 
     !> A largest value with its place.
     type :: peak_type
@@ -53,12 +58,12 @@ module linkdyn_summary
         type(time_mean) :: square
     end type range_type
 
-    !> Samples in which a motor has less torque than is asked of it.
-    type :: overload_type
+    !> Samples in which more is asked of a drive than it has.
+    type :: excess_type
         type(event_type) :: event
-        type(peak_type) :: lack                  !! of torque, the largest [N m]
-        real(wp) :: torque = 0                   !! asked for there [N m]
-    end type overload_type
+        type(peak_type) :: lack                  !! the largest
+        real(wp) :: asked = 0                    !! there
+    end type excess_type
 
     !> Figures gathered block by block.
     type :: summary_type
@@ -76,7 +81,9 @@ module linkdyn_summary
         logical :: has_force = .false., has_reaction = .false.
         type(range_type) :: drive                               !! driving forces
         type(range_type) :: motor                               !! torques of motors
-        type(overload_type), allocatable :: overload(:)         !! of motors with limits
+        type(excess_type), allocatable :: overload(:)           !! of motors with limits [N m]
+        type(excess_type), allocatable :: pressure(:)           !! of a cylinder above its supply (n_actuator) [Pa]
+        type(excess_type), allocatable :: stroke(:)             !! of its slide beyond its ends (n_actuator) [m]
         type(peak_type) :: force, moment                        !! largest reaction, its square
         type(error_peak_type), allocatable :: worst(:)          !! none: no errors were estimated
     end type summary_type
@@ -91,6 +98,7 @@ contains
         call start_range(layout%dimension(dim_actuator)%size, summary%drive)
         call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
         allocate (summary%overload(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_torque_margin) > 0)))
+        allocate (summary%pressure(layout%dimension(dim_actuator)%size), summary%stroke(layout%dimension(dim_actuator)%size))
         allocate (summary%worst(0), summary%lift(layout%dimension(dim_cam)%size))
         allocate (summary%limited(layout%dimension(dim_controller)%size))
         do i = 1, size(estimate_of)
@@ -166,9 +174,9 @@ contains
         type(summary_type), intent(inout) :: summary
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
-        type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
+        type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed, and what cylinders can
         real(wp), parameter :: rounding = 1.0e-9_wp  !! of a force that is none, by the largest of the sample
-        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :)
+        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :), variable(:, :)
         integer, pointer :: code(:), assembly(:), limited(:, :)
         integer :: i, k, n_force
 
@@ -181,6 +189,7 @@ contains
         call view_values(layout, result_reaction, n, block, reaction)
         call view_values(layout, result_contact_force, n, block, press)
         call view_values(layout, result_controller_limited, n, block, limited)
+        call view_values(layout, result_joint_variable, n, block, variable)
         if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
@@ -206,6 +215,7 @@ contains
                 if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
             if (associated(margin)) call note_overload(torque(:, i), margin(:, i), time(i), summary%overload)
+            if (present(scene)) call note_cylinders(i)
             if (associated(limited)) call note_limits(limited(:, i) > 0, time(i), summary%limited)
             do k = 1, size(summary%worst)
                 call note_errors(layout, block, i, time(i), summary%worst(k))
@@ -219,23 +229,92 @@ contains
                 call raise_peak(sum(reaction(n_force + 1:, k, i)**2), time(i), k, summary%moment)
             end do
         end do
+
+    contains
+
+        !> What the motion asks of cylinders in a sample, as far as forces and joint variables are among the results.
+        subroutine note_cylinders(i)
+            integer, intent(in) :: i                 !! sample
+            integer :: k
+
+            do k = 1, size(scene%actuator)
+                associate (cylinder => scene%actuator(k)%cylinder)
+                    if (.not. cylinder%is_given) cycle
+                    if (associated(force)) call note_pressure(cylinder, force(k, i), time(i), summary%pressure(k))
+                    if (associated(variable)) call note_stroke(cylinder, variable(layout%actuator_variable(k), i), time(i), &
+                                                               summary%stroke(k))
+                end associate
+            end do
+        end subroutine note_cylinders
     end subroutine add_to_summary
 
     !> Motors with less torque than is asked of them, but for rounding: what is saturated is not beyond its limit.
     subroutine note_overload(torque, margin, t, overload)
         real(wp), intent(in) :: torque(:), margin(:) !! (motor) [N m]
         real(wp), intent(in) :: t                    !! [s]
-        type(overload_type), intent(inout) :: overload(:)
-        real(wp), parameter :: rounded = 1.0e-9_wp
+        type(excess_type), intent(inout) :: overload(:)
         integer :: k
 
         do k = 1, size(overload)
-            if (.not. margin(k) < -rounded*abs(torque(k))) cycle
-            call count_event(t, overload(k)%event)
-            call raise_peak(-margin(k), t, k, overload(k)%lack)
-            if (overload(k)%lack%time == t) overload(k)%torque = abs(torque(k))
+            if (margin(k) < -rounded_share*abs(torque(k))) call note_excess(-margin(k), abs(torque(k)), t, overload(k))
         end do
     end subroutine note_overload
+
+    !> Pressure of the side that pushes while the other is at the tank's: what a force asks for at least.
+    pure real(wp) function pressure_asked(cylinder, force) result(pressure)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: force                !! up along the joint variable [N]
+        real(wp) :: out, push
+
+        out = sign(1.0_wp, cylinder_force(cylinder, [1.0_wp, 0.0_wp]))     ! where pressure in the head pushes
+        push = out*force + cylinder%tank*(cylinder%area(2) - cylinder%area(1))
+        pressure = cylinder%tank + max(push/cylinder%area(1), -push/cylinder%area(2))
+    end function pressure_asked
+
+    !> Is more asked of a cylinder than its supply presses, with its other side at the tank?
+    subroutine note_pressure(cylinder, force, t, excess)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: force                !! up along the joint variable [N]
+        real(wp), intent(in) :: t                    !! [s]
+        type(excess_type), intent(inout) :: excess
+        real(wp) :: asked
+
+        asked = pressure_asked(cylinder, force)
+        if (asked > (1 + rounded_share)*cylinder%supply) call note_excess(asked - cylinder%supply, asked, t, excess)
+    end subroutine note_pressure
+
+    !> Is its slide asked to be where the cylinder does not reach?
+    subroutine note_stroke(cylinder, place, t, excess)
+        type(cylinder_spec), intent(in) :: cylinder
+        real(wp), intent(in) :: place                !! of the joint variable [m]
+        real(wp), intent(in) :: t                    !! [s]
+        type(excess_type), intent(inout) :: excess
+        real(wp) :: beyond
+
+        beyond = max(minval(cylinder%stroke) - place, place - maxval(cylinder%stroke))
+        if (beyond > touch) call note_excess(beyond, place, t, excess)
+    end subroutine note_stroke
+
+    subroutine note_excess(lack, asked, t, excess)
+        real(wp), intent(in) :: lack, asked
+        real(wp), intent(in) :: t                    !! [s]
+        type(excess_type), intent(inout) :: excess
+
+        call count_event(t, excess%event)
+        call raise_peak(lack, t, 1, excess%lack)
+        if (excess%lack%time == t) excess%asked = asked
+    end subroutine note_excess
+
+    !> Later ones to those before.
+    subroutine join_excess(part, whole)
+        type(excess_type), intent(in) :: part
+        type(excess_type), intent(inout) :: whole
+
+        if (part%event%n == 0) return
+        call join_events(part%event, whole%event)
+        call join_peaks(part%lack, whole%lack)
+        if (whole%lack%time == part%lack%time) whole%asked = part%asked
+    end subroutine join_excess
 
     !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m asked for, 4 N m there"; blank: none is overloaded.
     function overloads(layout, summary) result(text)
@@ -247,14 +326,58 @@ contains
         text = ""
         do k = 1, size(summary%overload)
             associate (overload => summary%overload(k))
-                if (overload%event%n == 0) cycle
-                if (text /= "") text = text//"; "
-                text = text//"motor of "//quoted(layout%dimension(dim_motor)%label(k))//" in "//times_text(overload%event) &
-                       //", most at t = "//significant(overload%lack%time)//" s: "//significant(overload%torque) &
-                       //" N m asked for, "//significant(overload%torque - overload%lack%value)//" N m there"
+                call tell_excess("motor of "//quoted(layout%dimension(dim_motor)%label(k)), overload, &
+                                 significant(overload%asked)//" N m", &
+                                 significant(overload%asked - overload%lack%value)//" N m", text)
             end associate
         end do
     end function overloads
+
+    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 145.2 bar asked for, 120 bar there"
+    function pressures_above(scene, summary) result(text)
+        type(scene_type), intent(in) :: scene
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+        real(wp), parameter :: bar = 1.0e5_wp        !! [Pa]
+        integer :: k
+
+        text = ""
+        do k = 1, size(summary%pressure)
+            call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%pressure(k), &
+                             significant(summary%pressure(k)%asked/bar)//" bar", &
+                             significant(scene%actuator(k)%cylinder%supply/bar)//" bar", text)
+        end do
+    end function pressures_above
+
+    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 1.15 m asked for, 0.6 m to 1.1 m there"
+    function strokes_left(scene, summary) result(text)
+        type(scene_type), intent(in) :: scene
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+        integer :: k
+
+        text = ""
+        do k = 1, size(summary%stroke)
+            associate (ends => scene%actuator(k)%cylinder%stroke)
+                call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%stroke(k), &
+                                 significant(summary%stroke(k)%asked)//" m", &
+                                 significant(minval(ends))//" m to "//significant(maxval(ends))//" m", text)
+            end associate
+        end do
+    end function strokes_left
+
+    !> One drive more in a list; nothing of one that has what is asked of it.
+    subroutine tell_excess(what, excess, asked, there, text)
+        character(len=*), intent(in) :: what         !! it is of
+        type(excess_type), intent(in) :: excess
+        character(len=*), intent(in) :: asked, there !! with their units
+        character(len=:), allocatable, intent(inout) :: text
+
+        if (excess%event%n == 0) return
+        if (text /= "") text = text//"; "
+        text = text//what//" in "//times_text(excess%event)//", most at t = "//significant(excess%lack%time)//" s: " &
+               //asked//" asked for, "//there//" there"
+    end subroutine tell_excess
 
     !> Controllers whose outputs are at a limit.
     pure subroutine note_limits(is_limited, t, limited)
@@ -290,7 +413,6 @@ contains
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
         type(event_type), allocatable, intent(inout) :: beyond(:)
-        real(wp), parameter :: touch = 1.0e-9_wp     !! [m, rad] a motion that ends at a stop is not beyond it
         real(wp), pointer :: time(:), variable(:, :)
         integer :: i, k, v
 
@@ -399,10 +521,11 @@ contains
         call join_ranges(part%drive, whole%drive)
         call join_ranges(part%motor, whole%motor)
         do k = 1, size(whole%overload)
-            if (part%overload(k)%event%n == 0) cycle
-            call join_events(part%overload(k)%event, whole%overload(k)%event)
-            call join_peaks(part%overload(k)%lack, whole%overload(k)%lack)
-            if (whole%overload(k)%lack%time == part%overload(k)%lack%time) whole%overload(k)%torque = part%overload(k)%torque
+            call join_excess(part%overload(k), whole%overload(k))
+        end do
+        do k = 1, size(whole%pressure)
+            call join_excess(part%pressure(k), whole%pressure(k))
+            call join_excess(part%stroke(k), whole%stroke(k))
         end do
         call join_peaks(part%force, whole%force)
         call join_peaks(part%moment, whole%moment)
@@ -479,6 +602,10 @@ contains
         if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
             //passed_stops(model%scene, summary)
         if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
+        if (pressures_above(model%scene, summary) /= "") write (unit, "(a)") "  above supply     " &
+            //pressures_above(model%scene, summary)
+        if (strokes_left(model%scene, summary) /= "") write (unit, "(a)") "  beyond stroke    " &
+            //strokes_left(model%scene, summary)
         if (limits_reached(layout, summary) /= "") write (unit, "(a)") "  at their limits  "//limits_reached(layout, summary)
         call print_lifts()
         if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)

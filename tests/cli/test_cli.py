@@ -563,3 +563,81 @@ def test_tables_far_too_deep(text, tmp_path):
 def test_results_are_no_scene(tsai_file, tmp_path):
     run("inverse", tsai_file, "-o", tmp_path / "run.nc")
     refused(run("inverse", tmp_path / "run.nc"), "run.nc:1: this is not TOML: but netCDF or HDF5, as results are (expected a scene)")
+
+
+# ---------------------------------------------------------------- what drives and stops cannot
+
+LIFT = {
+    "space": "planar", "gravity": [0, -9.81], "frame": {"markers": {"A": {"at": [0, 0], "axis": [0, 1]}}},
+    "link": [{"name": "load", "mass": 1000, "inertia": 1, "markers": {"A": {"at": [0, 0], "axis": [0, 1]}}}],
+    "joint": [{"name": "ram", "type": "prismatic", "between": ["frame.A", "load.A"]}],
+    "coordinate": [{"joint": "ram", "motion": {"law": "polynomial-345", "from": 0.5, "to": 1.15, "duration": 2}}],
+    "actuator": [{"joint": "ram"}], "time": {"end": 2, "samples": 201},
+}  # fmt: skip
+RAM = {
+    "bore": 0.05, "rod": 0.03, "dead_volumes": [3e-4, 3e-4], "bulk_modulus": "1.3 GPa", "tank": "2 bar", "supply": "52 bar",
+    "valve": {"flow": "30 litre/min", "drop": "35 bar"},
+}  # fmt: skip
+
+
+def told_alike(scene, tmp_path):
+    """Lines of the summary, which are the same where no results are kept, but for times and the file."""
+    (tmp_path / "scene.toml").write_text(tomli_w.dumps(scene))
+    lines = []
+    for option in ((), ("--no-output",), ("--no-output", "--threads", "2")):
+        result = run("inverse", "scene.toml", *option, cwd=tmp_path)
+        assert result.returncode == DONE, result.stderr
+        lines.append([line for line in result.stdout.splitlines() if not line.startswith(("  computing time", "  results")) and "thread" not in line])
+    assert lines[0] == lines[1] == lines[2]
+    return lines[0]
+
+
+def test_end_stops_are_told_where_nothing_is_kept(tmp_path):
+    """Without results the summary had no word of them."""
+    stop = {"name": "end", "joint": "ram", "max": 1.0, "restitution": 0.3}
+    told = told_alike({**LIFT, "stop": [stop]}, tmp_path)
+    q = linkdyn.Scene(LIFT).inverse().q.values[:, 0]
+    assert any(line.startswith(f"  end stops        passed: 'end.max' of joint 'ram' by {(q > 1).sum()} samples, first at t = ") for line in told)
+
+
+def test_turns_are_counted_up_to_stops(tmp_path):
+    """Behind a gear an angle comes to its stop after two turns, whether results are kept or not."""
+    scene = {
+        "space": "planar", "gravity": [0, 0], "frame": {"markers": {"A": [0, 0], "B": [1, 0]}},
+        "link": [{"name": name, "mass": 1, "inertia": 1, "markers": {"O": [0, 0]}} for name in ("motor", "drum")],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "motor.O"]}, {"name": "B", "type": "revolute", "between": ["frame.B", "drum.O"]},
+                  {"name": "G", "type": "gear", "between": ["motor.O", "drum.O"], "teeth": [40, 20]}],
+        "coordinate": [{"joint": "A", "motion": {"law": "polynomial-345", "from": 0, "to": 10, "duration": 2}}],
+        "actuator": [{"joint": "A"}], "time": {"end": 2, "samples": 6001},
+        "stop": [{"name": "end", "joint": "B", "min": -15, "restitution": 0.3}],
+    }  # fmt: skip
+    told = told_alike(scene, tmp_path)
+    assert any(line.startswith("  end stops        passed: 'end.min' of joint 'B' by ") for line in told), told
+
+
+@pytest.mark.parametrize("stroke", [(0.6, 1.1), (1.1, 0.6)])
+def test_cylinders_beyond_what_they_can_are_told(tmp_path, stroke):
+    """Above the supply and beyond the stroke: samples, the worst instant, what is asked for and what is there."""
+    drives = [{"joint": "ram", "cylinder": RAM | {"stroke": [*stroke]}}]
+    scene = linkdyn.Scene({**LIFT, "actuator": drives})
+    motion = scene.inverse()
+    found = motion.linkdyn.cylinder("ram")
+    pressure = np.maximum(found.head_pressure, found.rod_pressure).values
+    supply = 52e5 if stroke[0] < stroke[1] else 83e5
+    drives[0]["cylinder"]["supply"] = supply
+    told = told_alike({**LIFT, "actuator": drives}, tmp_path)
+    above = pressure > supply
+    line = next(line for line in told if line.startswith("  above supply"))
+    assert 0 < above.sum() < 201
+    assert line.startswith(f"  above supply     cylinder at 'ram' in {above.sum()} samples, first at t = ")
+    assert f"most at t = {motion.time.values[pressure.argmax()]:.6g}" in line and f": {pressure.max() / 1e5:.4f}"[:8] in line
+    assert line.endswith(f" bar asked for, {supply / 1e5:.4f} bar there")
+    q = motion.q.values[:, 0]
+    line = next(line for line in told if line.startswith("  beyond stroke"))
+    assert line.startswith(f"  beyond stroke    cylinder at 'ram' in {((q < 0.6) | (q > 1.1 + 1e-9)).sum()} samples, first at t = 0 s, most at t = 0 s: ")
+    assert line.endswith("0.500000 m asked for, 0.600000 m to 1.10000 m there")
+
+
+def test_cylinders_that_can_are_not_told(tmp_path):
+    scene = {**LIFT, "actuator": [{"joint": "ram", "cylinder": RAM | {"stroke": [0.5, 1.15], "supply": "100 bar"}}]}
+    assert not any(line.startswith(("  above supply", "  beyond stroke")) for line in told_alike(scene, tmp_path))
