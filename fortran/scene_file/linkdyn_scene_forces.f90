@@ -358,13 +358,13 @@ contains
         call require_positive(place, "R_a", value(6), "ohm", status)
     end subroutine read_motor
 
-    !> stiffness and damping, each zero if left out, but not both unless there is another force.
+    !> stiffness and damping, each zero if left out, but not both unless there is another force, of the key `force`.
     subroutine read_stiffness(place, is_angle, value, status, has_other)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: is_angle
         real(wp), intent(inout) :: value(2)
         type(status_type), intent(inout) :: status
-        logical, intent(in), optional :: has_other
+        logical, intent(in), optional :: has_other     !! absent: there can be none
         logical :: has_stiffness, has_damping
 
         if (is_angle) then
@@ -374,9 +374,12 @@ contains
             call get_quantity(place, "stiffness", stiffness, value(1), status, has_stiffness)
             call get_quantity(place, "damping", damping, value(2), status, has_damping)
         end if
-        if (present(has_other)) has_damping = has_damping .or. has_other
-        if (status%is_ok() .and. .not. (has_stiffness .or. has_damping)) &
+        if (.not. status%is_ok() .or. has_stiffness .or. has_damping) return
+        if (.not. present(has_other)) then
             call refuse(place, "missing key 'stiffness' or 'damping' (expected at least one)", status)
+        else if (.not. has_other) then
+            call refuse(place, "missing key 'stiffness', 'damping' or 'force' (expected at least one)", status)
+        end if
     end subroutine read_stiffness
 
     !> The wanted position: a number or any law.

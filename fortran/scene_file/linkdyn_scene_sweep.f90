@@ -320,7 +320,12 @@ contains
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: path
         type(status_type), intent(inout) :: status
-        character(len=*), parameter :: law_of_drive = ".law.", forward_alone(*) = [character(len=10) :: "controller", "event"]
+        character(len=*), parameter :: forward_alone(*) = [character(len=10) :: "controller", "event"]
+        ! of an actuator: what its force becomes in a motor's winding, a brake or a cylinder no quantity of a sweep tells
+        character(len=*), parameter :: of_actuator(*) = [character(len=18) :: ".law.", ".drive.resistance", ".drive.inductance", &
+                                                         ".drive.creep_speed", ".drive.brake.", ".cylinder."]
+        logical :: is_of_actuator
+        integer :: i
         character(len=:), allocatable :: table
 
         table = path(:scan(path//".", ".[") - 1)
@@ -328,7 +333,8 @@ contains
             if (.not. place%variables%was_used(path(len(table) + 2:))) call refuse(place, "parameter "//quoted(path)// &
                 " changes nothing: no number of the scene refers to that variable (expected one that is used)", status)
         end if
-        if (.not. (any(forward_alone == table) .or. (table == "actuator" .and. index(path, law_of_drive) > 0))) return
+        is_of_actuator = table == "actuator" .and. any([(index(path, trim(of_actuator(i))) > 0, i=1, size(of_actuator))])
+        if (.not. (any(forward_alone == table) .or. is_of_actuator)) return
         if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" is heard in forward runs alone, and a sweep is of "// &
             "inverse dynamics (expected what the mechanism is, or how it moves; Scene.with_ and Scene.forward instead)", status)
     end subroutine refuse_unheard

@@ -404,3 +404,16 @@ def test_coordinates_begin_where_their_joints_do() -> None:
     assert run.q[0, 0] == pytest.approx(np.radians(30))
     assert run.driving_force[0, 0] == pytest.approx(9.81 * 0.5 * np.cos(np.radians(30)))
     assert scene.inverse().driving_force[0, 0] == pytest.approx(9.81 * 0.5 * np.cos(np.radians(30)))
+
+
+def test_a_spring_below_zero_pushes_away() -> None:
+    """A negative stiffness is a magnet's pull, linearised: the mass runs off as cosh."""
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0, 0], "frame": {"markers": {"A": {"at": [0, 0], "axis": [1, 0]}}},
+        "link": [{"name": "mass", "mass": 2.0, "inertia": 1.0, "markers": {"A": {"at": [0, 0], "axis": [1, 0]}}}],
+        "joint": [{"name": "A", "type": "prismatic", "between": ["frame.A", "mass.A"]}],
+        "coordinate": [{"joint": "A", "start": 0.11}],
+        "spring": [{"name": "magnet", "joint": "A", "stiffness": -18.0, "rest": 0.1}],
+    })  # fmt: skip
+    run = scene.forward(t_end=1.0, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(run.q.values[:, 0], 0.1 + 0.01 * np.cosh(3.0 * run.time.values), rtol=1e-9)
