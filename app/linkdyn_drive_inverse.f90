@@ -14,6 +14,7 @@ module linkdyn_drive_inverse
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
+    use linkdyn_heard_tables, only: refuse_instants
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: wanted_type, layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
         samples_width, find_driving_power, view_motor_loads, flag_unsound, result_time, result_q, result_qd, result_qdd, &
@@ -69,7 +70,11 @@ contains
         n_sample = sample_count(model)
         if (allocated(config%states)) then
             if (status%is_ok()) call read_states(config%states, model, states, status)
-            if (status%is_ok()) n_sample = size(states%time)
+            if (status%is_ok()) then
+                n_sample = size(states%time)
+                call refuse_instants(model%scene, states%time, .false., status)
+                if (.not. status%is_ok()) status%message = config%states//": "//trim(status%message)
+            end if
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then

@@ -8,6 +8,7 @@ module linkdyn_open_run
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
+    use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_texts, release_texts
@@ -109,7 +110,7 @@ contains
 
     !> Integrate to an instant; its results are in the block.
     !>
-    !> **Errors**: `status_bad_input` for an instant before that of the run, `status_stopped`, `status_no_result`.
+    !> **Errors**: `status_bad_input` for an instant before that of the run or one that a table has no rows for, `status_stopped`, `status_no_result`.
     subroutine go_to_instant(run, t, status)
         type(open_run), intent(inout) :: run
         real(wp), intent(in) :: t                  !! [s]
@@ -123,6 +124,8 @@ contains
             call release_texts()
             return
         end if
+        call refuse_short_tables(run%watched%run%heard, run%t, t, "run", status)
+        if (.not. status%is_ok()) return
         if (.not. (allocated(run%block%of) .and. t <= run%t)) then
             call prepare_block(run%watched%layout, 1, run%block)
             call advance_watched(run%watched, [t], run%block, ignored, n_done)

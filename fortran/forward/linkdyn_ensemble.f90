@@ -9,6 +9,7 @@ module linkdyn_ensemble
     use linkdyn_forward_run, only: forward_run, finish_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates
     use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_heard_tables, only: heard_table, refuse_short_tables
     use linkdyn_integrator, only: check_options, method_name, method_rk4
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -16,6 +17,7 @@ module linkdyn_ensemble
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
+    use linkdyn_run_tables, only: list_run_tables
     use linkdyn_scene, only: n_event, n_stop, has_hard_stops
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, sample_unreachable
@@ -30,6 +32,8 @@ contains
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
     !> is told to stop nothing of it can be used.
+    !>
+    !> **Errors**: `status_bad_input` for options or a scene that cannot be run, tables that end before the run does among them.
     subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
@@ -44,12 +48,17 @@ contains
         type(event_log), allocatable :: of_block(:)
         type(shared_programs), pointer :: shared       ! by all blocks
         type(forward_system) :: teller                 ! that makes the record
+        type(heard_table), allocatable :: heard(:)
         type(status_type) :: block_status
         integer :: block, n_block
 
         if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
             //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
         call check_options(options%integrator, status)
+        call hold_texts()
+        call list_run_tables(model, heard, status)
+        call release_texts()
+        if (size(t) > 0) call refuse_short_tables(heard, options%t_start, t(size(t)), "run", status)
         if (.not. status%is_ok()) return
         n_block = (size(q_start, 2) + lanes - 1)/lanes
         nullify (shared)

@@ -17,6 +17,7 @@ module linkdyn_forward
         find_forces
     use linkdyn_forward_state, only: fill_start, scene_start
     use linkdyn_forward_words, only: coordinates_in_words, tolerance_in_words, rounding_in_words
+    use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_integrator, only: integrator_options, choose_method, check_options, tightened, method_name, default_method, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     use linkdyn_interrupt, only: start_listening, stop_listening
@@ -29,6 +30,7 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, repeats
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_roads, only: road_counts
+    use linkdyn_run_tables, only: list_run_tables
     use linkdyn_scene, only: frame_link, law_none, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_singular
     use linkdyn_stop_starts, only: refuse_beyond_stops, find_passed
@@ -46,7 +48,8 @@ contains
 
     !> Check, plan, and place the mechanism at its start.
     !>
-    !> **Errors**: `status_bad_input` for options or a scene that cannot be run; a start that cannot be assembled;
+    !> **Errors**: `status_bad_input` for options or a scene that cannot be run, tables that end before the run does among them; a
+    !> start that cannot be assembled;
     !> `status_unavailable` for a method that this build lacks.
     subroutine start_forward(model, options, run, status)
         type(model_type), intent(in), target :: model  !! must outlive the run
@@ -63,6 +66,8 @@ contains
         call check_options(options%integrator, status)
         if (model%n_q == 0) call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a " &
                                       //"mechanism; inverse dynamics finds the forces in a structure)")
+        call list_run_tables(model, run%heard, status)
+        call refuse_short_tables(run%heard, options%t_start, options%t_start + options%integrator%span, "run", status)
         if (.not. status%is_ok()) return
         allocate (run%known(1), run%later_phase(0), run%entered_at(0))
         allocate (run%known(1)%phase)

@@ -75,7 +75,7 @@ contains
         integer :: i
 
         allocate (kink(0))
-        law = laws_over_time(model)
+        law = laws_over_time(model%scene)
         do i = 1, size(law)
             call add_kinks(law(i), kink)
         end do

@@ -4,6 +4,7 @@ module linkdyn_forward_run
     use linkdyn_forward_kinks, only: kink_list
     use linkdyn_forward_phase, only: forward_options, phase_box, release_phase
     use linkdyn_forward_system, only: forward_system
+    use linkdyn_heard_tables, only: heard_table
     use linkdyn_integrator, only: integrator_type
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -33,6 +34,7 @@ module linkdyn_forward_run
         integer :: n_crossed = 0                       !! change points passed before the last sample computed
         integer :: n_passed = 0                        !! before the last sample given, or where the run has stopped
         type(kink_list) :: kinks
+        type(heard_table), allocatable :: heard(:)     !! tables beyond whose ends there is no run; none: a member of an ensemble
         logical :: has_stopped = .false.
         logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]

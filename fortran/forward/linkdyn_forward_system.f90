@@ -516,7 +516,7 @@ contains
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
         system%n_before_record = evaluations_on_lanes(model)
-        call plan_law_sight(model%scene%laws, laws_over_time(model), system%sight)
+        call plan_law_sight(model%scene%laws, laws_over_time(model%scene), system%sight)
         call plan_cam_sight(model, system%of_cams)
         system%may_leap = has_to_look(system%sight) .or. model%n_cam > 0 .or. follows_assembly(model)
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)

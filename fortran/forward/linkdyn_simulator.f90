@@ -13,6 +13,7 @@ module linkdyn_simulator
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: state_layout, fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
+    use linkdyn_heard_tables, only: hearing, heard_table, list_tables, refuse_short_tables
     use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
         stop_pace
     use linkdyn_kinds, only: wp
@@ -20,6 +21,7 @@ module linkdyn_simulator
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
+    use linkdyn_run_tables, only: list_simulator_tables
     use linkdyn_scene, only: drive_inverse, side_opening
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_undefined
@@ -37,6 +39,7 @@ module linkdyn_simulator
         type(shared_programs), pointer, private :: shared => null()    !! records of the model, wherever the mechanism is put
         real(wp), allocatable :: y(:, :)               !! state (lane, n)
         type(kink_list), private :: kinks
+        type(heard_table), allocatable, private :: heard(:)    !! tables beyond whose ends no step leads
         real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
         type(kinematic_state), private :: scratch
     contains
@@ -57,7 +60,8 @@ contains
 
     !> Plan a scene's mechanism and put it at its start.
     !>
-    !> **Errors**: what the equations refuse; a start that cannot be assembled; options that make no sense.
+    !> **Errors**: what the equations refuse; a start that cannot be assembled, or for which a table has no rows; options that make no
+    !> sense.
     subroutine open(self, model, options, t, status)
         class(simulator_type), intent(inout) :: self
         type(model_type), intent(in) :: model
@@ -70,6 +74,8 @@ contains
             call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a mechanism)")
             return
         end if
+        call refuse_start_beyond_tables(model, t, status)
+        if (.not. status%is_ok()) return
         call scene_start(model, t, q, qd)
         allocate (self%model)
         self%model = model
@@ -78,10 +84,22 @@ contains
         call check_options(options, status)
         if (.not. status%is_ok()) return
         self%options = tightened(options)
+        call list_simulator_tables(self%model, self%heard)
         call prepare_kinematics(model, 0, self%scratch)
         call hold_programs(self%shared)
         call self%set(t, q, qd, status)
     end subroutine open
+
+    !> A motion tells where it begins.
+    subroutine refuse_start_beyond_tables(model, t, status)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                      !! [s]
+        type(status_type), intent(inout) :: status
+        type(heard_table), allocatable :: heard(:)
+
+        call list_tables(model%scene, hearing(motions=.false., starts=.true.), heard)
+        call refuse_short_tables(heard, t, t, "start", status)
+    end subroutine refuse_start_beyond_tables
 
     !> Go on from other coordinates and rates, on the assembly that the way from the scene's start leads to.
     subroutine set(self, t, q, qd, status, pressure)
@@ -93,6 +111,8 @@ contains
         real(wp), allocatable :: rate(:, :)
         logical :: failed(lanes)
 
+        call refuse_short_tables(self%heard, t, t, "start", status)
+        if (.not. status%is_ok()) return
         call leave(self)
         allocate (self%system)
         self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
@@ -209,13 +229,14 @@ contains
 
     !> Go on to an instant under these forces, for a quarter of a second of computing at most: `read` says how far it got.
     !>
-    !> **Errors**: a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
+    !> **Errors**: a step that leaves a table, which is not begun; a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
     subroutine step(self, t_end, force, status)
         class(simulator_type), intent(inout) :: self
         real(wp), intent(in) :: t_end                  !! [s]
         real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m, V; openings of valves]
         type(status_type), intent(inout) :: status
         real(wp), parameter :: breath = 0.25_wp        !! [s]
+        real(wp), parameter :: rounded = 1.0e-9_wp     !! part of a step that instants miss whose steps a caller has added up
         logical :: is_there
 
         call need_place(self, status)
@@ -224,6 +245,8 @@ contains
             call refuse_to_go_on(self, status)
             return
         end if
+        call refuse_short_tables(self%heard, self%t, t_end - rounded*(t_end - self%t), "step", status)
+        if (.not. status%is_ok()) return
         if (any(force /= self%system%given_force)) then
             self%system%given_force = force
             call self%integrator%reset()

@@ -1,6 +1,7 @@
 !> The table [sweep] of a scene file: axes, what is reduced and kept, bounds.
 module linkdyn_scene_sweep
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_heard_tables, only: hearing, heard_table, list_tables, find_short_table, short_in_words
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, law_over, has_limits, joint_cam, guide_of
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
@@ -155,6 +156,7 @@ contains
         if (axis%kind /= axis_parameter) call refuse_key(place, "weights", "a parameter", status)
         says_no_unit = quantity%name == ""
         call read_values(place, quantity, axis, status)
+        if (axis%kind == axis_time) call require_tables_cover(place, scene, axis, status)
         added%is_there = says_no_unit .and. quantity%name /= ""
         if (added%is_there) added%text = si_unit_text(quantity%power)
         call get_text(place, "group", text, status, found)
@@ -356,6 +358,29 @@ contains
         axis%name = "time"
         axis%unit = "s"
     end subroutine read_time_axis
+
+    !> A table says nothing about instants before its first row and after its last.
+    subroutine require_tables_cover(place, scene, axis, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(axis_spec), intent(in) :: axis
+        type(status_type), intent(inout) :: status
+        type(heard_table), allocatable :: heard(:)
+        real(wp) :: first, last
+        integer :: short
+
+        if (.not. status%is_ok()) return
+        first = min(axis%from, axis%to)
+        last = max(axis%from, axis%to)
+        if (allocated(axis%value)) then
+            first = minval(axis%value)
+            last = maxval(axis%value)
+        end if
+        call list_tables(scene, hearing(), heard)
+        short = find_short_table(heard, first, last)
+        if (short > 0) call refuse(place, "leaves what is known of "//trim(heard(short)%owner)//": "// &
+            short_in_words(heard(short), first, last, "sweep"), status)
+    end subroutine require_tables_cover
 
     !> The values of an axis, in one of the forms of `sampling_name`.
     subroutine read_values(place, quantity, axis, status)

@@ -3,11 +3,13 @@ module linkdyn_scene_time
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: two_pi
     use linkdyn_status, only: status_type
-    use linkdyn_text, only: to_text, quoted
-    use linkdyn_scene, only: scene_type, law_spec, measure_spec, law_none, law_table, law_over, law_constant_rate, &
-        measure_time, measure_joint, coordinate_joint
+    use linkdyn_text, only: to_text
+    use linkdyn_heard_tables, only: hearing, heard_table, list_tables, find_short_table, short_in_words, table_in_words
+    use linkdyn_scene, only: scene_type, law_spec, measure_spec, law_none, law_table, law_constant_rate, measure_joint, &
+        coordinate_joint
     use linkdyn_laws, only: law_end, evaluate_law
     use linkdyn_table, only: lies_within
+    use linkdyn_time_laws, only: owned_law, list_laws, part_motion, part_frame, part_payload, part_load
     use linkdyn_toml, only: toml_node
     use linkdyn_units, only: time_span
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
@@ -121,30 +123,21 @@ contains
     end subroutine samples_of_step
 
     !> The range that all tables share, and the latest end of the laws.
-    pure type(span_type) function span_of(scene) result(span)
-        type(scene_type), intent(in) :: scene
-        integer :: i, j
+    type(span_type) function span_of(scene) result(span)
+        type(scene_type), intent(in), target :: scene
+        type(owned_law), allocatable :: list(:)
+        integer :: i
 
+        call list_laws(scene, list)
+        do i = 1, size(list)
+            if (any([part_motion, part_frame, part_payload, part_load] == list(i)%part)) call add_law(list(i)%law, span)
+        end do
+        ! A crank that turns for ever: one turn of it.
         do i = 1, size(scene%coordinate)
             associate (motion => scene%coordinate(i)%motion)
-                call add_law(motion, span)
-                ! A crank that turns for ever: one turn of it.
-                if (motion%kind == law_constant_rate .and. scene%coordinate(i)%unit == "rad") then
-                    if (abs(motion%value(2)) > 0) span%law_end = max(span%law_end, two_pi/abs(motion%value(2)))
-                end if
+                if (motion%kind /= law_constant_rate .or. scene%coordinate(i)%unit /= "rad") cycle
+                if (abs(motion%value(2)) > 0) span%law_end = max(span%law_end, two_pi/abs(motion%value(2)))
             end associate
-        end do
-        do i = 1, size(scene%base%motion)
-            call add_law(scene%base%motion(i), span)
-        end do
-        do i = 1, size(scene%payload)
-            call add_law(scene%payload(i)%mass, span)
-        end do
-        do i = 1, size(scene%load)
-            do j = 1, 3
-                call add_law(scene%load(i)%force(j), span)
-                call add_law(scene%load(i)%moment(j), span)
-            end do
         end do
     end function span_of
 
@@ -158,64 +151,48 @@ contains
         span%last = min(span%last, law%time(size(law%time)))
     end subroutine add_law
 
-    !> A table says nothing about instants before its first row and after its last.
+    !> A table says nothing before its first row and after its last: neither about instants, nor about a coordinate that has a motion,
+    !> whose course along the run is known.
     subroutine require_tables_cover(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status
-        integer :: i, j
+        type(heard_table), allocatable :: heard(:)
+        type(scene_place) :: place
+        integer :: i
 
-        do i = 1, size(scene%coordinate)
-            associate (coordinate => scene%coordinate(i))
-                call require_cover(root, scene, coordinate%motion, "coordinate "//quoted(coordinate%name), &
-                    coordinate%line, status)
-            end associate
-        end do
-        do i = 1, size(scene%payload)
-            associate (payload => scene%payload(i))
-                call require_cover(root, scene, payload%mass, "payload on "//quoted(payload%name), payload%line, status)
-            end associate
-        end do
-        do i = 1, size(scene%base%motion)
-            call require_cover(root, scene, scene%base%motion(i), "motion of the frame", scene%base%line, status)
-        end do
-        do i = 1, size(scene%load)
-            do j = 1, 3
-                associate (load => scene%load(i))
-                    call require_cover(root, scene, load%force(j), "load on "//quoted(load%name), load%line, status)
-                    call require_cover(root, scene, load%moment(j), "load on "//quoted(load%name), load%line, status)
-                    call require_state_cover(root, scene, load%force(j), "load on "//quoted(load%name), load%line, status)
-                    call require_state_cover(root, scene, load%moment(j), "load on "//quoted(load%name), load%line, status)
-                end associate
-            end do
+        if (.not. status%is_ok()) return
+        call list_tables(scene, hearing(), heard)
+        i = find_short_table(heard, scene%time%first, scene%time%last)
+        if (i > 0) then
+            place = root
+            place%what = heard(i)%owner
+            call refuse(place, short_in_words(heard(i), scene%time%first, scene%time%last, "run"), status, heard(i)%line)
+        end if
+        do i = 1, size(heard)
+            if (heard(i)%measure > 0) call require_state_cover(root, scene, heard(i), status)
         end do
     end subroutine require_tables_cover
 
-    !> A table over the instant or over a coordinate that has a motion: what it is entered with along the run is known.
-    subroutine require_state_cover(root, scene, spec, what, line, status)
+    subroutine require_state_cover(root, scene, table, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(in) :: scene
-        type(law_spec), intent(in) :: spec
-        character(len=*), intent(in) :: what
-        integer, intent(in) :: line
+        type(heard_table), intent(in) :: table         !! over the state
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
         real(wp) :: reached(2)
         logical :: is_known
 
-        if (.not. status%is_ok() .or. spec%kind /= law_over) return
-        associate (law => scene%laws%law(spec%law))
-            if (law%over <= 0 .or. law%period > 0) return
-            call find_range(scene, scene%laws%measure(law%over), reached, is_known)
-            if (.not. is_known) return
-            associate (knot => law%table%time, n => size(law%table%time))
-                if (all(lies_within(knot(1), knot(n), reached))) return
-                place = root
-                place%what = what
-                call refuse(place, "its table covers "//trim(law%over_name)//" = "//to_text(knot(1))//" to "//to_text(knot(n))// &
-                    " "//trim(law%over_unit)//" (expected "//to_text(reached(1))//" to "//to_text(reached(2))//" "// &
-                    trim(law%over_unit)//", which the motion passes)", status, line)
-            end associate
+        if (.not. status%is_ok()) return
+        call find_range(scene, scene%laws%measure(table%measure), reached, is_known)
+        if (.not. is_known) return
+        if (all(lies_within(table%first, table%last, reached))) return
+        place = root
+        place%what = table%owner
+        associate (law => scene%laws%law(table%number))
+            call refuse(place, table_in_words(table)//" covers "//trim(law%over_name)//" = "//to_text(table%first)//" to "// &
+                to_text(table%last)//" "//trim(law%over_unit)//" (expected "//to_text(reached(1))//" to "//to_text(reached(2))// &
+                " "//trim(law%over_unit)//", which the motion passes)", status, table%line)
         end associate
     end subroutine require_state_cover
 
@@ -228,9 +205,9 @@ contains
         real(wp) :: q, rate, rate2
         integer :: i, k
 
-        reached = [scene%time%first, scene%time%last]
-        is_known = measure%kind == measure_time
-        if (is_known .or. measure%kind /= measure_joint) return
+        reached = 0
+        is_known = .false.
+        if (measure%kind /= measure_joint) return
         do k = 1, size(scene%coordinate)
             associate (c => scene%coordinate(k))
                 if (c%kind /= coordinate_joint .or. c%joint /= measure%joint .or. c%variable /= measure%variable) cycle
@@ -255,25 +232,4 @@ contains
                                                                       *(real(i - 1, wp)/real(scene%time%n_sample - 1, wp))
         end function instant
     end subroutine find_range
-
-    subroutine require_cover(root, scene, law, what, line, status)
-        type(scene_place), intent(in) :: root
-        type(scene_type), intent(in) :: scene
-        type(law_spec), intent(in) :: law
-        character(len=*), intent(in) :: what
-        integer, intent(in) :: line
-        type(status_type), intent(inout) :: status
-        type(scene_place) :: place
-        real(wp) :: slack, first, last
-
-        if (.not. status%is_ok() .or. law%kind /= law_table) return
-        first = law%time(1)
-        last = law%time(size(law%time))
-        slack = 16*epsilon(slack)*max(abs(first), abs(last))    ! as evaluate_law allows
-        if (scene%time%first >= first - slack .and. scene%time%last <= last + slack) return
-        place = root
-        place%what = what
-        call refuse(place, "its table covers "//to_text(first)//" s to "//to_text(last)//" s (expected "// &
-            to_text(scene%time%first)//" s to "//to_text(scene%time%last)//" s, the time of the run)", status, line)
-    end subroutine require_cover
 end module linkdyn_scene_time

@@ -495,13 +495,15 @@ def test_cycle_results_know_the_loads() -> None:
 def test_failure_in_words(tmp_path: Path) -> None:
     """Along a motion the first sample without a force says which law has none, and where."""
     (tmp_path / "f.csv").write_text("x [m], F [N]\n0, 5\n1, 5\n")
-    text = SLIDE.format(forces='[laws]\npush = { table = "f.csv", column = "F", over = "x" }\n\n[[load]]\non = "mass.C"\n'
+    text = SLIDE.format(forces='[laws]\npush = { table = "f.csv", column = "F", over = "place", argument = "x" }\n\n[[load]]\non = "mass.C"\n'
                                'force = ["push", 0]\n\n[[actuator]]\njoint = "x"', mass=1, start=0, velocity=0, gravity=0,
                         axis="[1, 0]", end=2, samples=21)
     text = text.replace("start = { position = 0, velocity = 0 }", 'motion = { law = "constant-rate", rate = 1 }')
+    # of a marker nobody knows before how far it goes; over the coordinate itself the scene would be refused
+    text = text.replace("[measures]", '[measures]\nplace = { marker = "mass.C", component = "x" }')
     run = linkdyn.Scene(text, folder=tmp_path).inverse()
     assert list(run.status.values) == [0] * 11 + [4] * 10
-    assert run.attrs["failure"].startswith("t = 1.1 s: law 'push' has no value: x = 1.1")
+    assert run.attrs["failure"].startswith("t = 1.1 s: law 'push' has no value: place = 1.1")
 
 
 def test_code_is_refused() -> None:
