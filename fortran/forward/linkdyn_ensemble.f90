@@ -10,7 +10,7 @@ module linkdyn_ensemble
     use linkdyn_forward_state, only: fill_start, read_coordinates
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_heard_tables, only: heard_table, refuse_short_tables
-    use linkdyn_integrator, only: check_options, method_name, method_rk4
+    use linkdyn_integrator, only: check_options, method_name, method_rk4, reason_of_solution, stop_growth
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -162,10 +162,8 @@ contains
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
                     outcome(member(i)) = sample_ok
-                    ! Rates that were found, and led beyond all numbers.
                     if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
-                        outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
-                                                                             run%system%obstacle(i) /= sample_ok)
+                        outcome(member(i)) = why_stopped(run, i)
                 end do
                 call count_change_points(run, t(size(t)), passed)
                 n_crossed(member) = passed
@@ -173,6 +171,16 @@ contains
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> What was in the way. Of rates that were found and led beyond all numbers nothing was; and what fails of numbers near that
+        !> is not why.
+        integer function why_stopped(run, lane) result(outcome)
+            type(forward_run), intent(in) :: run
+            integer, intent(in) :: lane
+
+            outcome = run%system%obstacle(lane)
+            if (outcome == sample_ok .or. reason_of_solution(run%y(lane, :)) == stop_growth) outcome = sample_undefined
+        end function why_stopped
 
         !> A member that starts beyond a stop does not run.
         subroutine leave_those_beyond_stops(run)

@@ -9,7 +9,7 @@ module linkdyn_forward_words
     use linkdyn_forward_run, only: forward_run
     use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
     use linkdyn_kinds, only: wp
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged, sample_undefined
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -86,7 +86,8 @@ contains
         type(forward_run), intent(in) :: run
         character(len=:), allocatable, intent(out) :: reason
         integer, intent(out) :: status                 !! of these: `sample_not_converged` where the mechanism could go on, but no
-                                                       !! step can be taken; `sample_ok` if that is told otherwise
+                                                       !! step can be taken, `sample_undefined` where a force has no value or
+                                                       !! nothing is a number any more; `sample_ok` if that is told otherwise
         character(len=:), allocatable :: driven_out, too_stiff
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
         character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
@@ -148,6 +149,7 @@ contains
         else
             select case (run%integrator%reason)
             case (stop_growth)
+                status = sample_undefined
                 reason = reason//"the motion grows without bound"
             case (stop_roughness)
                 status = sample_not_converged
@@ -166,6 +168,7 @@ contains
                 if (lane > 0) then
                     associate (of_stage => run%system%workspace%status(lane))
                         reason = reason//failure_at(run%model, run%system%workspace%state, of_stage, lane)//" beyond"
+                        if (of_stage == sample_undefined) status = of_stage
                         if (of_stage == sample_not_converged) reason = reason//too_long_in_words(run)
                     end associate
                 else

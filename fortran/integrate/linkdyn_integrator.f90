@@ -23,7 +23,7 @@ module linkdyn_integrator
     public :: integrator_type, integrator_options, recall_integrator, method_rk4, method_rkf45, method_rk8pd, method_msbdf, &
         method_gbs, method_seulex
     public :: default_method, method_name, choose_method, check_options, tightened
-    public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law, &
+    public :: reason_of_solution, stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law, &
         stop_event
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes

@@ -102,3 +102,29 @@ def test_members_that_all_stop_do_not_end_the_process() -> None:
     random = np.random.default_rng(3)
     runs = scene.ensemble(q + 1e-3 * random.standard_normal(q.shape), qd + 0.1 * random.standard_normal(q.shape), t=[0.0, 0.05, 0.1], step=1e-3)
     assert runs.status.shape == (20,) and np.all(runs.good_until <= 0.1)
+
+
+def test_a_member_that_grows_beyond_all_numbers_is_undefined() -> None:
+    """As a single run: of numbers near the largest friction cannot be found either, but that is not why it stops."""
+    scene = linkdyn.Scene(
+        {
+            "space": "planar",
+            "frame": {"markers": {"O": [0, 0]}},
+            "link": [
+                {"name": "a", "mass": 2.0, "inertia": 0.03, "cog": [0.3, 0], "markers": {"O": [0, 0], "A": [0.6, 0]}},
+                {"name": "b", "mass": 1.0, "inertia": 0.02, "cog": [0.2, 0], "markers": {"A": [0, 0]}},
+            ],
+            "joint": [
+                {"name": "O", "type": "revolute", "between": ["frame.O", "a.O"]},
+                {"name": "A", "type": "revolute", "between": ["a.A", "b.A"]},
+            ],
+            "coordinate": [{"joint": "O", "start": 0.2}, {"joint": "A", "start": 0.1}],
+            "actuator": [{"joint": "O", "law": {"type": "spring-damper", "stiffness": -4e3, "damping": 0.0, "rest": 0.0}}],
+            "friction": [{"joint": "A", "coulomb": 0.2, "radius": 0.03}],
+        }
+    )
+    t = np.linspace(0.0, 0.2, 5)
+    alone = scene.forward(t=t, method="rk4", step=1e-3)
+    assert "the motion grows without bound" in alone.attrs["stopped"]
+    assert alone.status.values[-1] == 4
+    assert scene.ensemble([[0.2, 0.1]], [[0.0, 0.0]], t, step=1e-3).status.values.tolist() == [4]

@@ -201,3 +201,11 @@ def test_a_law_that_an_if_leaves_out_is_not_asked(folder: Path) -> None:
     load = [{"on": "car.P", "force": [0, "if(0.05 m - abs(x), f, 0 N)"]}]
     scene = lift(folder, coordinate=motion, actuator=INVERSE, measures=MEASURES, laws={"f": over("x")}, load=load, time={"end": 2.0})
     assert not scene.inverse().status.any()
+
+
+def test_a_run_that_a_law_ends_is_undefined(folder: Path) -> None:
+    """Its samples beyond say so, as the words do."""
+    scene = lift(folder, measures=MEASURES, load=[{"on": "car.P", "force": [0, over("y")]}])
+    run = scene.forward(t=np.linspace(0.0, 1.0, 11))
+    assert "is outside its table" in run.attrs["stopped"]
+    assert set(run.status.values[~np.isfinite(run.q.values[:, 0])]) == {4}
