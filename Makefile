@@ -71,6 +71,7 @@ bench: real128
 	@$(VENV)/bin/meson compile -C $(BUILD) hexapod_by_hand
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
 	$(VENV)/bin/python benchmarks/python/bench_hand.py
+	$(VENV)/bin/python benchmarks/python/bench_friction.py
 	$(VENV)/bin/python benchmarks/python/planar_against_spatial.py
 
 bench-forward: $(PACKAGE)

@@ -1,7 +1,8 @@
 !> Friction of a block of lanes: how contacts slide, what presses them, how much they rub. Contacts are those of joints, then drives
 !> that lose some of what they transmit.
 module linkdyn_friction_state
-    use linkdyn_contact, only: contact_type, n_press, n_part, friction_of_speed, sliding_coefficient, pressing
+    use linkdyn_contact, only: contact_type, n_press, n_part, sliding_coefficient, pressing
+    use linkdyn_friction_law, only: friction_of_speed
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: driven_type

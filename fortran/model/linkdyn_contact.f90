@@ -22,7 +22,7 @@ module linkdyn_contact
     use linkdyn_scene, only: scene_type, friction_spec, clutch_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, is_mesh, is_bare, friction_of_speed, sliding_coefficient, no_speed, &
+    public :: contact_type, list_contacts, is_turning, is_mesh, is_bare, sliding_coefficient, no_speed, &
         lever_of, part_of, holds_contact, slides_along_several, n_part, n_press, pressing, pressing_slope, has_settled, most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive, form_cam, form_mesh, &
         form_worm, form_belt
@@ -248,25 +248,6 @@ contains
         holds_contact = clutch%friction > 0 .and. clutch%joint(1) == contact%joint
         if (any(contact%form == [form_pin, form_collar])) holds_contact = holds_contact .and. clutch%variable(1) == contact%side
     end function holds_contact
-
-    !> c: friction over the pressing force and the speed at which the surface slides.
-    pure elemental real(wp) function friction_of_speed(contact, speed) result(c)
-        type(contact_type), intent(in) :: contact
-        real(wp), intent(in) :: speed         !! [m/s]
-        real(wp), parameter :: fast = 40      ! beyond it tanh is one, in all digits
-        real(wp) :: mu
-
-        c = 0
-        if (.not. (contact%coulomb > 0 .or. contact%static > 0)) return
-        mu = sliding_coefficient(contact, speed)
-        if (speed > fast*contact%creep_speed) then
-            c = mu/speed
-        else if (speed > 0) then
-            c = mu*tanh(speed/contact%creep_speed)/speed
-        else
-            c = mu/contact%creep_speed
-        end if
-    end function friction_of_speed
 
     !> Has what presses come to rest? By its change in two rounds, relative to the largest force: the next one, which shrinks as
     !> this one did, would change nothing. Near a singular position rounding goes on changing digits that are not known.

@@ -15,7 +15,7 @@ module linkdyn_recorded_forces
     use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
     use linkdyn_recorded_friction, only: friction_programs, friction_space, make_friction_programs, settle_block, &
-        free_friction_programs, free_friction_space
+        load_settled, free_friction_programs, free_friction_space
     use linkdyn_catalogue, only: needs_equations
     use linkdyn_samples, only: sample_arrays, result_list, most_results
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
@@ -275,7 +275,6 @@ contains
         integer, pointer, contiguous, intent(in) :: status(:)  !! (sample)
         type(idle_space), intent(inout), target :: space
         logical, intent(out) :: is_left(count)
-        type(sample_arrays) :: settled
         integer :: i
 
         if (size(way_status) == 1) then
@@ -293,9 +292,9 @@ contains
         if (size(recorded%model%payload) > 0) call leave_what_is_no_number(in_payload)     ! of a mass below zero
         if (all(is_left)) return
         if (recorded%friction%is_made) then
-            call settle_block(recorded%friction, size(space%alarm, 2), arrays, first, count, space%friction, settled, is_left)
+            call settle_block(recorded%friction, arrays, first, count, space%friction, is_left)
             if (all(is_left)) return
-            call load_samples(recorded%program, settled, first, count, space%slots)
+            call load_settled(recorded%friction, recorded%program, arrays, first, count, space%friction, space%slots)
         else
             call load_samples(recorded%program, arrays, first, count, space%slots)
         end if

@@ -3,22 +3,25 @@
 !> Three programs of one trace. The first finds all that friction leaves alone: motion, elimination of the matrix, how fast
 !> contacts slide. The second has what presses for given friction; it is run until nothing changes. The third has the results.
 module linkdyn_recorded_friction
-    use linkdyn_contact, only: contact_type, friction_of_speed, has_settled, most_rounds
+    use linkdyn_block, only: block_lanes
+    use linkdyn_contact, only: contact_type, has_settled, most_rounds
     use linkdyn_force_program, only: trace_forces, list_forces
     use linkdyn_friction, only: pressing_force
+    use linkdyn_friction_law, only: friction_of_speed, friction_of_speeds
     use linkdyn_inputs, only: trace_request, sample_set, in_friction, in_found
     use linkdyn_kernel, only: find_boundary
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, make_scene_program, &
-        load_samples, run_samples, run_one_sample, goes_to, free_scene_program, free_program_space
+        load_samples, load_block, run_columns, run_ahead, hand_found_on, run_one_sample, load_one_sample, run_loaded_one, goes_to, &
+        free_scene_program, free_program_space, most_lanes
     use linkdyn_trace, only: traced_type, pressed_by
     use linkdyn_value, only: value
     implicit none (type, external)
     private
-    public :: friction_programs, friction_space, make_friction_programs, compile_with_friction, settle_block, settle_one, &
-        free_friction_programs, free_friction_space
+    public :: friction_programs, friction_space, make_friction_programs, compile_with_friction, settle_block, load_settled, &
+        settle_one, free_friction_programs, free_friction_space
 
     integer, parameter :: out_found = 103, out_square = 104, out_force = 105
 
@@ -31,13 +34,13 @@ module linkdyn_recorded_friction
 
     !> Scratch of one thread.
     type :: friction_space
-        type(program_space) :: before, press           !! of blocks
+        type(program_space) :: before, press           !! of blocks; what the first has found stays among the second's inputs
         type(program_space) :: before_one, press_one   !! of single samples
-        real(wp), allocatable :: found(:, :)           !! (n_found, lane)
-        real(wp), allocatable :: square(:, :)          !! of the speeds of surfaces (contact, lane) [m2/s2]
-        real(wp), allocatable :: force(:, :)           !! that presses (contact, lane) [N]
-        real(wp), allocatable :: amount(:, :)          !! of friction (contact, lane) [N s/m]
-        real(wp), allocatable :: force_before(:, :), factor(:, :)
+        real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
+        real(wp), allocatable :: force(:, :)           !! that presses (lane, contact) [N]
+        real(wp), allocatable :: force_after(:, :)     !! with friction as that makes it
+        real(wp), allocatable :: amount(:, :)          !! of friction (lane, contact) [N s/m]
+        real(wp), allocatable :: found_of_one(:, :), amount_of_one(:, :)       !! of a single sample (number, 1)
     end type friction_space
 
 contains
@@ -92,85 +95,164 @@ contains
         programs%is_made = .true.
     end subroutine compile_with_friction
 
-    !> Friction of the samples first, ..., first + count - 1: `settled` are the arrays with it, for the third program. Samples at
-    !> which it does not come to rest are left.
-    subroutine settle_block(programs, lanes, arrays, first, count, space, settled, is_left)
+    !> Friction of the samples first, ..., first + count - 1, for the third program (`load_settled`). Samples at which it does not
+    !> come to rest are left. Numbers lie in columns, as programs take and give them.
+    subroutine settle_block(programs, arrays, first, count, space, is_left)
         type(friction_programs), intent(in) :: programs
-        integer, intent(in) :: lanes                   !! of a block
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: first, count
         type(friction_space), intent(inout), target :: space
-        type(sample_arrays), intent(out) :: settled
         logical, intent(inout) :: is_left(count)
-        real(wp), dimension(count) :: change, change_before
-        logical :: rests(count)
-        integer :: n, i
+        real(wp), dimension(most_lanes) :: change, change_before
+        logical, dimension(most_lanes) :: rests, fails
+        integer :: n
 
-        if (.not. allocated(space%found)) call make_room(programs, lanes, space)
-        settled = arrays
-        settled%of(in_found)%x => space%found
-        settled%of(in_found)%before = first - 1
-        settled%of(in_friction)%x => space%amount
-        settled%of(in_friction)%before = first - 1
-        call load_samples(programs%before, arrays, first, count, space%before)
-        call run_samples(programs%before, space%before, first, count, [goes_to(out_found, space%found, is_of_block=.true.), &
-                                                                      goes_to(out_square, space%square, is_of_block=.true.)])
-        do i = 1, count
-            space%factor(:, i) = friction_of_speed(programs%contact, sqrt(max(space%square(:, i), 0.0_wp)))
-        end do
+        call make_room(programs, space)
+        call find_factors(programs, arrays, first, count, space)
         space%amount = 0
-        call load_samples(programs%press, settled, first, count, space%press)
-        call run_samples(programs%press, space%press, first, count, [goes_to(out_force, space%force_before, is_of_block=.true.)])
-        rests = is_left
-        change_before = 1                              ! from no friction to some
+        call load_samples(programs%press, arrays, first, count, space%press, without=[in_found, in_friction])
+        call find_forces(programs, count, space, space%force, fails)
+        is_left = is_left .or. fails(:count)
+        rests(:count) = is_left
+        change_before(:count) = 1                      ! from no friction to some
         do n = 1, most_rounds
-            do i = 1, count
-                if (.not. rests(i)) space%amount(:, i) = space%factor(:, i)*space%force_before(:, i)
-            end do
-            call load_samples(programs%press, settled, first, count, space%press, only_block=in_friction)
-            call run_samples(programs%press, space%press, first, count, [goes_to(out_force, space%force, is_of_block=.true.)])
-            do i = 1, count
-                change(i) = maxval(abs(space%force(:, i) - space%force_before(:, i)))/max(maxval(space%force(:, i)), tiny(1.0_wp))
-            end do
-            do i = 1, count
-                if (rests(i)) cycle
-                rests(i) = has_settled(change(i), change_before(i))
-                if (rests(i)) space%amount(:, i) = space%factor(:, i)*space%force(:, i)
-            end do
-            if (all(rests)) exit
-            space%force_before(:, :count) = space%force(:, :count)
-            change_before = change
+            if (all(rests(:count))) exit
+            call multiply(size(space%force), space%factor, space%force, space%amount)
+            call find_forces(programs, count, space, space%force_after, fails)
+            call find_changes(size(space%force, 1), size(space%force, 2), space%force, space%force_after, change)
+            call keep_forces(rests(:count), space%force, space%force_after)
+            call exchange(space%force, space%force_after)
+            is_left = is_left .or. (fails(:count) .and. .not. rests(:count))
+            rests(:count) = rests(:count) .or. fails(:count) .or. has_settled(change(:count), change_before(:count))
+            change_before(:count) = change(:count)
         end do
-        is_left = is_left .or. .not. rests
+        is_left = is_left .or. .not. rests(:count)
+        call multiply(size(space%force), space%factor, space%force, space%amount)
     end subroutine settle_block
 
-    !> The same for the first sample of the arrays alone.
-    subroutine settle_one(programs, lanes, arrays, space, settled, is_left)
+    !> What friction leaves alone goes to the second program; and how much contacts rub for each newton that presses.
+    subroutine find_factors(programs, arrays, first, count, space)
         type(friction_programs), intent(in) :: programs
-        integer, intent(in) :: lanes                   !! of a block
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(friction_space), intent(inout), target :: space
+        real(wp) :: speed(most_lanes)                  !! [m/s]
+        integer :: i
+
+        call load_samples(programs%before, arrays, first, count, space%before)
+        call run_ahead(programs%before, space%before, count, out_found, programs%press, space%press, &
+                       goes_to(out_square, space%factor, is_of_block=.true.))
+        do i = 1, size(programs%contact)
+            speed(:count) = sqrt(max(space%factor(:count, i), 0.0_wp))
+            call friction_of_speeds(programs%contact(i), count, speed, space%factor(:count, i))
+        end do
+    end subroutine find_factors
+
+    !> What presses with the friction that there is.
+    subroutine find_forces(programs, count, space, force, fails)
+        type(friction_programs), intent(in) :: programs
+        integer, intent(in) :: count
+        type(friction_space), intent(inout) :: space
+        real(wp), intent(inout), target, contiguous :: force(:, :)     !! (lane, contact) [N]
+        logical, intent(out) :: fails(:)               !! one of a sample is not finite (count)
+
+        call load_block(programs%press, in_friction, size(space%amount, 1), space%amount, count, space%press)
+        call run_columns(programs%press, space%press, 1, count, [goes_to(out_force, force, is_of_block=.true.)], fails(:count))
+    end subroutine find_forces
+
+    !> c = a b.
+    pure subroutine multiply(n, a, b, c)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(n), b(n)
+        real(wp), intent(inout) :: c(n)
+
+        c = a*b
+    end subroutine multiply
+
+    !> The largest change of a force in each sample, relative to its largest force.
+    pure subroutine find_changes(lanes, n, force, force_after, change)
+        integer, intent(in) :: lanes, n
+        real(wp), intent(in), dimension(lanes, n) :: force, force_after    !! (lane, contact) [N]
+        real(wp), intent(out) :: change(lanes)
+        real(wp) :: largest(most_lanes)
+        integer :: i, k
+
+        change = 0
+        largest(:lanes) = tiny(1.0_wp)
+        do k = 1, n
+            do i = 1, lanes
+                change(i) = max(change(i), abs(force_after(i, k) - force(i, k)))
+                largest(i) = max(largest(i), force_after(i, k))
+            end do
+        end do
+        change = change/largest(:lanes)
+    end subroutine find_changes
+
+    !> Samples that rest keep the forces that they have: what becomes of one does not hang on those beside it.
+    pure subroutine keep_forces(rests, force, force_after)
+        logical, intent(in) :: rests(:)
+        real(wp), intent(in) :: force(:, :)            !! (lane, contact) [N]
+        real(wp), intent(inout) :: force_after(:, :)
+        integer :: i
+
+        if (.not. any(rests)) return
+        do i = 1, size(rests)
+            if (rests(i)) force_after(i, :) = force(i, :)
+        end do
+    end subroutine keep_forces
+
+    pure subroutine exchange(a, b)
+        real(wp), allocatable, intent(inout) :: a(:, :), b(:, :)
+        real(wp), allocatable :: other(:, :)
+
+        call move_alloc(a, other)
+        call move_alloc(b, a)
+        call move_alloc(other, b)
+    end subroutine exchange
+
+    !> Inputs of the third program, for the samples that have been settled.
+    subroutine load_settled(programs, program, arrays, first, count, settled, space)
+        type(friction_programs), intent(in) :: programs
+        type(scene_program), intent(in) :: program     !! the third
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(friction_space), intent(in) :: settled
+        type(program_space), intent(inout) :: space
+
+        call load_samples(program, arrays, first, count, space, without=[in_found, in_friction])
+        call hand_found_on(programs%press, settled%press, program, space)
+        call load_block(program, in_friction, size(settled%amount, 1), settled%amount, count, space)
+    end subroutine load_settled
+
+    !> The same for the first sample of the arrays alone: `settled` are the arrays with its friction, for the third program.
+    subroutine settle_one(programs, arrays, space, settled, is_left)
+        type(friction_programs), intent(in) :: programs
         type(sample_arrays), intent(in) :: arrays
         type(friction_space), intent(inout), target :: space
         type(sample_arrays), intent(out) :: settled
         logical, intent(out) :: is_left
         real(wp) :: both(programs%n_found + size(programs%contact)), change, change_before
+        real(wp), dimension(size(programs%contact)) :: factor, force, force_before
         integer :: n
 
-        if (.not. allocated(space%found)) call make_room(programs, lanes, space)
+        if (.not. allocated(space%found_of_one)) &
+            allocate (space%found_of_one(programs%n_found, 1), space%amount_of_one(size(programs%contact), 1))
         settled = arrays
-        settled%of(in_found)%x => space%found
-        settled%of(in_friction)%x => space%amount
+        settled%of(in_found)%x => space%found_of_one
+        settled%of(in_friction)%x => space%amount_of_one
         call run_one_sample(programs%before, arrays, space%before_one, both)
-        associate (amount => space%amount(:, 1), factor => space%factor(:, 1), force => space%force(:, 1), &
-                   force_before => space%force_before(:, 1))
-            space%found(:, 1) = both(:programs%n_found)
+        associate (amount => space%amount_of_one(:, 1))
+            space%found_of_one(:, 1) = both(:programs%n_found)
             factor = friction_of_speed(programs%contact, sqrt(max(both(programs%n_found + 1:), 0.0_wp)))
             amount = 0
-            call run_one_sample(programs%press, settled, space%press_one, force_before)
+            call load_one_sample(programs%press, settled, space%press_one)
+            call run_loaded_one(programs%press, space%press_one, force_before)
             change_before = 1                          ! from no friction to some
             is_left = .false.
             do n = 1, most_rounds
                 amount = factor*force_before
-                call run_one_sample(programs%press, settled, space%press_one, force)
+                call load_one_sample(programs%press, settled, space%press_one, only_block=in_friction)
+                call run_loaded_one(programs%press, space%press_one, force)
                 change = maxval(abs(force - force_before))/max(maxval(force), tiny(1.0_wp))
                 if (has_settled(change, change_before)) then
                     amount = factor*force
@@ -183,20 +265,18 @@ contains
         is_left = .true.
     end subroutine settle_one
 
-    subroutine make_room(programs, lanes, space)
+    !> Scratch of blocks, made by whoever comes first.
+    subroutine make_room(programs, space)
         type(friction_programs), intent(in) :: programs
-        integer, intent(in) :: lanes
         type(friction_space), intent(inout) :: space
 
-        associate (n => size(programs%contact))
-            allocate (space%found(programs%n_found, lanes), space%square(n, lanes), space%force(n, lanes), &
-                      space%amount(n, lanes), space%force_before(n, lanes), space%factor(n, lanes))
+        if (allocated(space%force)) return
+        associate (n => size(programs%contact), lanes => block_lanes())
+            allocate (space%factor(lanes, n), space%force(lanes, n), space%force_after(lanes, n), space%amount(lanes, n))
         end associate
-        space%found = 0
-        space%square = 0
+        space%factor = 0                               ! in lanes that no sample has
         space%force = 0
-        space%force_before = 0
-        space%factor = 0
+        space%force_after = 0
     end subroutine make_room
 
     subroutine free_friction_programs(programs)

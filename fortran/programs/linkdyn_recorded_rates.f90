@@ -15,8 +15,8 @@ module linkdyn_recorded_rates
     use linkdyn_model, only: model_type, place_size, pull_power, effort_power
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
-    use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
-        free_friction_space
+    use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, load_settled, settle_one, &
+        free_friction_programs, free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
     use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled, n_event
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
@@ -290,8 +290,7 @@ contains
 
 
         if (n == 1) then
-            settled = samples%arrays
-            call settle_one(recorded%friction, block_lanes(), samples%arrays, samples%friction, settled, is_left)
+            call settle_one(recorded%friction, samples%arrays, samples%friction, settled, is_left)
             samples%is_left(1) = is_left
             if (is_left) return
             call run_one_sample(recorded%program, settled, samples%one, samples%found(1, :))
@@ -301,10 +300,10 @@ contains
         to(1) = goes_to(out_rates, samples%found)
         do first = 1, n, block_lanes()
             count = min(block_lanes(), n - first + 1)
-            settled = samples%arrays
-            call settle_block(recorded%friction, block_lanes(), samples%arrays, first, count, samples%friction, settled, &
+            call settle_block(recorded%friction, samples%arrays, first, count, samples%friction, &
                               samples%is_left(first:first + count - 1))
-            call load_samples(recorded%program, settled, first, count, samples%block)
+            call load_settled(recorded%friction, recorded%program, samples%arrays, first, count, samples%friction, &
+                              samples%block)
             call run_columns(recorded%program, samples%block, first, count, to, is_bad(:count))
             where (is_bad(:count)) samples%is_left(first:first + count - 1) = .true.
         end do

@@ -2,7 +2,7 @@
 module linkdyn_scene_program
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, &
         forms_multiply_adds, block_lanes, run_block, run_single, gather, expect, scatter, gather_single, scatter_single, &
-        put_columns, take_columns
+        put_columns, take_columns, hand_on, hand_inputs_on
     use linkdyn_inputs, only: input_blocks, n_block, in_found
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
@@ -11,8 +11,9 @@ module linkdyn_scene_program
     implicit none (type, external)
     private
     public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
-    public :: load_samples, run_samples, run_one_sample, output_target, goes_to, has_output, program_space, free_program_space
-    public :: load_columns, run_columns, most_lanes
+    public :: load_samples, load_block, run_samples, output_target, goes_to, has_output, program_space, free_program_space
+    public :: run_one_sample, load_one_sample, run_loaded_one
+    public :: load_columns, run_columns, run_ahead, hand_found_on, most_lanes
     public :: input_wiring, column_list, wire_inputs, run_wired
 
     integer, parameter :: most_lanes = 64              !! bits that tell which samples of a block are not finite
@@ -47,6 +48,7 @@ module linkdyn_scene_program
         type(program_type) :: program
         type(input_segment), allocatable :: input(:)
         integer, allocatable :: id(:), first(:), n(:)  !! of the outputs
+        integer :: n_found = 0, first_found = 0        !! numbers of block `in_found`, which stand side by side among the inputs
         type(kernel_type) :: kernel                    !! for whoever wants to read it
         logical :: is_made = .false.
     end type scene_program
@@ -108,6 +110,8 @@ contains
             end do
         end do
         if (present(found)) then
+            program%n_found = size(found)
+            program%first_found = record%n_input + 1
             do k = 1, size(found)
                 call add_input(in_found, k, record%n_input + k)
             end do
@@ -185,23 +189,42 @@ contains
         space%lanes = block_lanes()
     end subroutine need_block
 
-    !> Samples first, ..., first + count - 1 of the arrays to the slots; of one block only, if the others are there already.
-    subroutine load_samples(program, arrays, first, count, space, only_block)
+    !> Samples first, ..., first + count - 1 of the arrays to the slots.
+    subroutine load_samples(program, arrays, first, count, space, without)
         type(scene_program), intent(in) :: program
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: first, count
         type(program_space), intent(inout) :: space
-        integer, intent(in), optional :: only_block
+        integer, intent(in), optional :: without(:)    !! blocks that come otherwise
         integer :: k
 
         call need_block(program, space)
         do k = 1, size(program%input)
-            if (present(only_block)) then
-                if (program%input(k)%block /= only_block) cycle
+            if (present(without)) then
+                if (any(without == program%input(k)%block)) cycle
             end if
             call load_segment(program%input(k), arrays, first, count, space)
         end do
     end subroutine load_samples
+
+    !> One block of inputs, of which the first `count` samples lie in columns.
+    subroutine load_block(program, block, stride, columns, count, space)
+        type(scene_program), intent(in) :: program
+        integer, intent(in) :: block                   !! one of `in_*`
+        integer, intent(in) :: stride                  !! from one column to the next
+        real(wp), intent(in) :: columns(stride, *)     !! (sample, number of the block)
+        integer, intent(in) :: count
+        type(program_space), intent(inout) :: space
+        integer :: k
+
+        call need_block(program, space)
+        do k = 1, size(program%input)
+            associate (s => program%input(k))
+                if (s%block == block) &
+                    call put_columns(count, stride, columns(1, s%first), s%n, s%slot, space%block)
+            end associate
+        end do
+    end subroutine load_block
 
     subroutine load_segment(segment, arrays, first, count, space)
         type(input_segment), intent(in) :: segment
@@ -337,20 +360,77 @@ contains
         is_bad(:count) = .not. total(:count) <= huge(1.0_wp)
     end subroutine run_columns
 
+    !> Run the loaded samples. What one output finds goes straight to another program, as all of its inputs `in_found`; a second
+    !> output goes to columns of the block.
+    subroutine run_ahead(program, space, count, id, next, next_space, target)
+        type(scene_program), intent(in) :: program, next
+        type(program_space), intent(in) :: space
+        integer, intent(in) :: count
+        integer, intent(in) :: id                      !! of the first
+        type(program_space), intent(inout) :: next_space
+        type(output_target), intent(in) :: target      !! of the second
+        real(wp) :: total(most_lanes)                  !! of no matter here
+        integer :: g, k, begin, n
+
+        call need_block(next, next_space)
+        total(:count) = 0
+        k = 1
+        begin = 1
+        do g = 1, size(program%program%group_end)
+            do while (program%first(k) + program%n(k) <= begin)
+                k = k + 1
+            end do
+            n = program%program%group_end(g) - begin + 1
+            call run_block(program%program, g, space%block, count)
+            if (program%id(k) == id) then
+                call hand_on(program%program, space%block, begin, n, next%first_found + begin - program%first(k), next_space%block)
+            else if (program%id(k) == target%id) then
+                associate (x => target%x)
+                    call take_columns(program%program, space%block, begin, n, count, size(x, 1), &
+                                      x(1, begin - program%first(k) + 1), total)
+                end associate
+            end if
+            begin = begin + n
+        end do
+    end subroutine run_ahead
+
+    !> Inputs `in_found` of one program to another, which has the same.
+    subroutine hand_found_on(program, space, next, next_space)
+        type(scene_program), intent(in) :: program, next
+        type(program_space), intent(in) :: space
+        type(program_space), intent(inout) :: next_space
+
+        call need_block(next, next_space)
+        call hand_inputs_on(space%block, program%first_found, program%n_found, next%first_found, next_space%block)
+    end subroutine hand_found_on
+
     !> The first sample of the arrays alone, which takes a part of what a block takes. All outputs come in their order.
     subroutine run_one_sample(program, arrays, space, output)
         type(scene_program), intent(in) :: program
         type(sample_arrays), intent(in) :: arrays
         type(program_space), intent(inout) :: space    !! for single samples only
         real(wp), intent(out) :: output(:)             !! (value)
+
+        call load_one_sample(program, arrays, space)
+        call run_loaded_one(program, space, output)
+    end subroutine run_one_sample
+
+    !> The first sample of the arrays to the slots; of one block only, if the others are there already.
+    subroutine load_one_sample(program, arrays, space, only_block)
+        type(scene_program), intent(in) :: program
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(inout) :: space    !! for single samples only
+        integer, intent(in), optional :: only_block    !! one of `in_*`
         integer :: k
 
         call need_single(program, space)
         do k = 1, size(program%input)
+            if (present(only_block)) then
+                if (program%input(k)%block /= only_block) cycle
+            end if
             call load_single(program%input(k), arrays, space)
         end do
-        call run_loaded_one(program, space, output)
-    end subroutine run_one_sample
+    end subroutine load_one_sample
 
     !> Room for single samples, from whoever comes first.
     subroutine need_single(program, space)
@@ -372,6 +452,7 @@ contains
         end associate
     end subroutine load_single
 
+    !> The sample in the slots. All outputs come in their order.
     subroutine run_loaded_one(program, space, output)
         type(scene_program), intent(in) :: program
         type(program_space), intent(in) :: space

@@ -9,7 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
-    public :: put_lanes, take_lanes, put_columns, take_columns
+    public :: put_lanes, take_lanes, put_columns, take_columns, hand_on, hand_inputs_on
 
     integer, parameter :: lanes = 8
 
@@ -214,4 +214,26 @@ contains
             total = total + abs(x(:n, k))
         end do
     end subroutine take_columns
+
+    !> Outputs first, ..., first + m - 1 of all lanes, straight to another program's inputs from `input` on.
+    subroutine hand_on(program, space, first, m, input, next)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space, next
+        integer, intent(in) :: first, m, input
+        integer :: k, lane
+
+        do lane = 1, lanes
+            do k = 1, m
+                next%slot(input + k - 1, lane) = output_of(program%kernel, first + k - 1, space%slot(:, lane))
+            end do
+        end do
+    end subroutine hand_on
+
+    !> Inputs first, ..., first + m - 1, which stay, to those of another program from `input` on.
+    subroutine hand_inputs_on(space, first, m, input, next)
+        type(block_space), intent(in) :: space, next
+        integer, intent(in) :: first, m, input
+
+        next%slot(input:input + m - 1, :) = space%slot(first:first + m - 1, :)
+    end subroutine hand_inputs_on
 end module linkdyn_block

@@ -9,7 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, expect, scatter, gather_single, scatter_single
-    public :: put_lanes, take_lanes, put_columns, take_columns
+    public :: put_lanes, take_lanes, put_columns, take_columns, hand_on, hand_inputs_on
 
     !> A kernel in the form that runs. Constant: threads share it.
     type :: program_type
@@ -280,7 +280,9 @@ contains
         integer :: k, lane
 
         if (n == size(space%slot, 1) .and. n == stride) then       ! all of it in one piece
-            space%slot(:, first - 1:first + m - 2) = x(:, :m)
+            associate (slot => space%slot)
+                call copy_numbers(n*m, x, slot(1, first - 1))
+            end associate
             return
         end if
         do k = 1, m
@@ -301,17 +303,68 @@ contains
         integer, intent(in) :: first, m, n, stride
         real(wp), intent(inout) :: x(stride, *)        !! (n or more, m)
         real(wp), intent(inout) :: total(n)
-        real(wp) :: sign
-        integer :: k, lane
+        integer :: k
 
         do k = 1, m
-            sign = program%output_sign(first + k - 1)
-            associate (slot => space%slot(:, program%output_slot(first + k - 1)))
-                do lane = 1, n
-                    x(lane, k) = sign*slot(lane)
-                    total(lane) = total(lane) + abs(slot(lane))
-                end do
+            associate (slot => space%slot, k_out => first + k - 1)
+                call copy_signed(n, program%output_sign(k_out), slot(1, program%output_slot(k_out)), x(1, k))
             end associate
+            call add_sizes(n, x(1, k), total)
         end do
     end subroutine take_columns
+
+    !> Outputs first, ..., first + m - 1 of all lanes, straight to another program's inputs from `input` on.
+    subroutine hand_on(program, space, first, m, input, next)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space, next
+        integer, intent(in) :: first, m, input
+        integer :: k
+
+        do k = 1, m
+            associate (from => space%slot, to => next%slot, k_out => first + k - 1)
+                call copy_signed(size(from, 1), program%output_sign(k_out), from(1, program%output_slot(k_out)), &
+                                 to(1, input + k - 2))
+            end associate
+        end do
+    end subroutine hand_on
+
+    !> Inputs first, ..., first + m - 1, which stay, to those of another program from `input` on.
+    subroutine hand_inputs_on(space, first, m, input, next)
+        type(block_space), intent(in) :: space, next
+        integer, intent(in) :: first, m, input
+
+        associate (from => space%slot, to => next%slot)
+            call copy_numbers(size(from, 1)*m, from(1, first - 1), to(1, input - 1))
+        end associate
+    end subroutine hand_inputs_on
+
+    !> Arrays of their own, so that the compiler need not ask whether they overlap.
+    pure subroutine copy_numbers(n, from, to)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: from(n)
+        real(wp), intent(inout) :: to(n)
+
+        to = from
+    end subroutine copy_numbers
+
+    pure subroutine copy_signed(n, sign, from, to)
+        integer, intent(in) :: n
+        integer(c_int32_t), intent(in) :: sign         !! 1 or -1
+        real(wp), intent(in) :: from(n)
+        real(wp), intent(inout) :: to(n)
+
+        if (sign > 0) then
+            to = from
+        else
+            to = -from
+        end if
+    end subroutine copy_signed
+
+    pure subroutine add_sizes(n, x, total)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: x(n)
+        real(wp), intent(inout) :: total(n)
+
+        total = total + abs(x)
+    end subroutine add_sizes
 end module linkdyn_block

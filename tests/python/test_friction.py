@@ -741,6 +741,21 @@ def test_long_batches(name: str) -> None:
         np.testing.assert_allclose(run[quantity].values, values, rtol=1e-9, atol=1e-10 * np.abs(values).max())
 
 
+def test_neighbours_change_nothing() -> None:
+    """Samples are settled side by side, and take more or fewer rounds: each has the same bits whatever stands beside it."""
+    _, rough = with_friction(EXAMPLES / "stewart_aris" / "scene.toml")
+    n = 640
+    t = np.linspace(0.0, 2.0, n)
+    q, qd, qdd, *_ = rough.motion(t)
+    qd = qd * (np.arange(n) % 5)[:, None]**2
+    whole = rough.inverse(q=q, qd=qd, qdd=qdd)
+    assert (whole.status == 0).all()
+    for part in (slice(3, None, 5), slice(97, 112), slice(None, None, -1)):
+        alone = rough.inverse(q=q[part], qd=qd[part], qdd=qdd[part])
+        for quantity in ("driving_force", "reaction", "friction"):
+            np.testing.assert_array_equal(alone[quantity].values, whole[quantity].values[part])
+
+
 @pytest.mark.thorough
 def test_grows_steadily_until_it_locks() -> None:
     """With growing coefficients forces change without a jump until a sample locks, and it stays locked."""
