@@ -45,7 +45,7 @@ contains
         integer :: k
 
         do k = 1, n
-            r = 2*min(x(k), 20.0_wp)
+            r = 2*merge(20.0_wp, x(k), x(k) > 20)      ! what is no number stays none
             doublings(k) = (r*one_over_ln2 + to_whole) - to_whole
             r = (r - doublings(k)*ln2_high) - doublings(k)*ln2_low
             r2 = r*r

@@ -1,5 +1,6 @@
 !> Hyperbolic tangents side by side, against the library's in quadruple precision.
 module test_hyperbolic_tangent
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
     use, intrinsic :: iso_fortran_env, only: real128
     use linkdyn_hyperbolic_tangent, only: find_tangents
     use linkdyn_kinds, only: wp
@@ -39,12 +40,13 @@ contains
 
     subroutine test_ends(error)
         type(test_error), intent(inout) :: error
-        real(wp) :: x(4)
+        real(wp) :: x(5)
 
-        x = [0.0_wp, tiny(1.0_wp), 1.0e6_wp, huge(1.0_wp)]
+        x = [0.0_wp, tiny(1.0_wp), 1.0e6_wp, huge(1.0_wp), ieee_value(1.0_wp, ieee_quiet_nan)]
         call find_tangents(size(x), x)
         call check(error, .not. abs(x(1)) > 0, "of zero")
         call check(error, abs(x(2)/tiny(1.0_wp) - 1) <= epsilon(1.0_wp), "of the least number")
-        call check(error, all(abs(x(3:) - 1) <= 0), "of large numbers")
+        call check(error, all(abs(x(3:4) - 1) <= 0), "of large numbers")
+        call check(error, ieee_is_nan(x(5)), "of what is no number")
     end subroutine test_ends
 end module test_hyperbolic_tangent
