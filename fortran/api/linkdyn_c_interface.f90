@@ -12,7 +12,7 @@ module linkdyn_c_interface
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
         check_count, check_finite
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_heard_tables, only: refuse_instants
+    use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_name_lists, only: name_list, list_names, find_room, find_result, result_width
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state
@@ -215,7 +215,7 @@ contains
             call see("qd", qd, scene%model%n_q, n, qd1, status)
             call see("qdd", qdd, scene%model%n_q, n, qdd1, status)
             call see("load", load, 6*scene%model%n_load, n, load1, status)
-            call refuse_instants(scene%model%scene, t1, .true., status)
+            call refuse_short_tables(scene%heard, minval(t1), maxval(t1), "samples", status)
         end if
         if (status%is_ok()) then
             associate (model => scene%model)

@@ -30,7 +30,7 @@ module linkdyn_f2py_api
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
         check_size, check_finite
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
-    use linkdyn_heard_tables, only: refuse_instants
+    use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
@@ -356,7 +356,7 @@ contains
                                                                    attitude_size*scene%model%n_attitude, n, status)
         if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
                                                6*scene%model%n_load, n, status)
-        if (status%code == 0) call refuse_instants(scene%model%scene, t, .true., status)
+        if (status%code == 0) call refuse_short_tables(scene%heard, minval(t), maxval(t), "samples", status)
         if (status%code == 0) then
             q2(1:scene%model%n_q, 1:n) => q
             qd2(1:scene%model%n_q, 1:n) => qd

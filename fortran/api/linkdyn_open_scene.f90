@@ -5,6 +5,7 @@ module linkdyn_open_scene
     use, intrinsic :: iso_c_binding, only: c_intptr_t
     use linkdyn_builder, only: build_model
     use linkdyn_force_map, only: typical_length
+    use linkdyn_heard_tables, only: heard_table, hearing, list_tables
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
     use linkdyn_inverse, only: shared_places, inverse_options, inverse_solver, prepare_inverse, solver_name, samples_to_come
     use linkdyn_led_mechanism, only: follows_assembly
@@ -30,6 +31,7 @@ module linkdyn_open_scene
 
     type, extends(held_thing) :: open_scene
         type(model_type) :: model
+        type(heard_table), allocatable :: heard(:)                  !! by inverse dynamics along the scene's motions
         type(layout_type) :: layout                                 !! of all results of inverse dynamics
         type(layout_type) :: run_layout                             !! and of forward dynamics
         !> without and with reactions, error estimates, rcond, distance; by solver
@@ -214,6 +216,7 @@ contains
         new%is_variant = associated(of_original)
         call build_model(scene, new%model, status)
         if (status%is_ok()) then
+            call list_tables(new%model%scene, hearing(), new%heard)
             all = wanted_type(growth=.true., bound=.true., rcond=.true., distance=.true., errors=.true.)
             new%layout = layout_of(new%model, all, .true., .false.)
             all%distance = .false.

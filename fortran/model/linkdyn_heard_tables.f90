@@ -200,7 +200,7 @@ contains
         call release_texts()
     end subroutine refuse_short_tables
 
-    !> The same of inverse dynamics at some instants.
+    !> The same of inverse dynamics at some instants, by who asks once.
     subroutine refuse_instants(scene, t, motions, status)
         type(scene_type), intent(in), target :: scene
         real(wp), intent(in) :: t(:)                   !! [s]

@@ -239,10 +239,10 @@ class Simulator:
         """Instants to go to, one after the other; the last is the end, but for rounding."""
         begin = self.t
         whole = (t_end - begin) / every
-        if not whole > ROUNDED:
+        if not t_end - begin > ROUNDED * min(every, abs(t_end)):
             raise InputError(f"t_end = {t_end!r}: not later than t = {begin:g} s, where the simulator stands (expected a later end)")
         n = round(whole)
-        if abs(whole - n) <= ROUNDED * max(1.0, whole):
+        if n > 0 and abs(whole - n) <= ROUNDED * max(1.0, whole):
             return [begin + k * every for k in range(1, n + 1)]
         return [*(begin + k * every for k in range(1, math.ceil(whole))), t_end]
 

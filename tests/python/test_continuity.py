@@ -139,7 +139,8 @@ def path(file: Path, reach: str, seed: int) -> tuple[Case, linkdyn.Scene]:
 def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
     """A scene along one of its random paths, followed in order."""
     case, scene = path(file, reach, seed)
-    instants = np.linspace(0, 1, len(case.q))
+    first, last = scene.times()[[0, -1]]                   # tables reach as far
+    instants = np.linspace(first, last if last > first else first + 1.0, len(case.q))
     results = run_states(executable(), case, "--want", "joint_variable", *options, solver="elimination", time=instants)
     run = scene.inverse(case.q[:1], want="joint_variable")
     return Motion(case, run.variable_unit.values, results, variables_told(scene, run.variable.values))
