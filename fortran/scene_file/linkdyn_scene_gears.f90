@@ -14,6 +14,7 @@ module linkdyn_scene_gears
     private
     public :: read_wheels, gear_key
 
+    real(wp), parameter :: largest_ratio = 1.0e6_wp        !! of two wheels: more than any train of gears has
     character(len=14), parameter :: gear_key(*) = [character(len=14) :: "teeth", "radii", "mesh", "run", "phase", "strands", &
                                                    "pressure_angle", "helix_angle", "lead_angle"]
     character(len=10), parameter :: strand_key(3) = [character(len=10) :: "stiffness", "damping", "pretension"]
@@ -73,6 +74,9 @@ contains
                         " m (expected positive lengths; run = 'crossed' where the wheels turn against each other)", status)
                 end if
             end do
+            if (.not. maxval(joint%wheel) > largest_ratio*minval(joint%wheel)) return
+            call refuse_value(place, key, place%node%get(key), "has a ratio of " &
+                //to_text(maxval(joint%wheel)/minval(joint%wheel))//" (expected at most "//to_text(largest_ratio)//")", status)
         end subroutine require_positive
     end subroutine read_wheels
 

@@ -510,3 +510,11 @@ def test_refusal_on_request() -> None:
 def test_stiffness_must_decide() -> None:
     scene = planets(2) | {"redundancy": "stiffness"}
     assert "bends no joint that has a 'stiffness'" in refused(scene)
+
+
+def test_a_ratio_beyond_all_trains_is_refused() -> None:
+    scene = tomllib.loads((Path(__file__).parents[2] / "examples" / "geared_fivebar" / "scene.toml").read_text())
+    gear = next(joint for joint in scene["joint"] if joint["type"] == "gear")
+    gear["teeth"] = [1e12, 32]
+    with pytest.raises(linkdyn.SceneError, match="teeth.*has a ratio of 3.125e10 .expected at most 1e6"):
+        linkdyn.Scene(scene)
