@@ -283,10 +283,7 @@ contains
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
-            do while (program%first(k) + program%n(k) <= begin)
-                k = k + 1
-            end do
-            n = program%program%group_end(g) - begin + 1
+            call find_group(program, g, begin, k, n)
             do t = 1, size(target)
                 if (target(t)%id == program%id(k)) exit
             end do
@@ -304,6 +301,20 @@ contains
         end do
         if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)
     end subroutine run_samples
+
+    !> The output k that group g is of, from that of the group before on, and how many of its numbers the group finds.
+    pure subroutine find_group(program, g, begin, k, n)
+        type(scene_program), intent(in) :: program
+        integer, intent(in) :: g
+        integer, intent(in) :: begin                   !! first number of the group
+        integer, intent(inout) :: k
+        integer, intent(out) :: n
+
+        do while (program%first(k) + program%n(k) <= begin)
+            k = k + 1
+        end do
+        n = program%program%group_end(g) - begin + 1
+    end subroutine find_group
 
     !> Samples first, ..., first + count - 1 of arrays (sample, number of the block) to the slots.
     subroutine load_columns(program, arrays, first, count, space)
@@ -340,11 +351,8 @@ contains
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
-            do while (program%first(k) + program%n(k) <= begin)
-                k = k + 1
-            end do
             if (begin > n_wanted) exit
-            n = program%program%group_end(g) - begin + 1
+            call find_group(program, g, begin, k, n)
             call run_block(program%program, g, space%block, count)
             do t = 1, size(target)
                 if (target(t)%id /= program%id(k)) cycle
@@ -377,10 +385,7 @@ contains
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
-            do while (program%first(k) + program%n(k) <= begin)
-                k = k + 1
-            end do
-            n = program%program%group_end(g) - begin + 1
+            call find_group(program, g, begin, k, n)
             call run_block(program%program, g, space%block, count)
             if (program%id(k) == id) then
                 call hand_on(program%program, space%block, begin, n, next%first_found + begin - program%first(k), next_space%block)
