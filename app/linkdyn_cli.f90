@@ -9,7 +9,7 @@ module linkdyn_cli
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: one_of, quoted
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
@@ -25,8 +25,22 @@ module linkdyn_cli
     integer, parameter :: command_explain = 5
     integer, parameter :: command_generate = 6
     integer, parameter :: command_version = 7
-    character(len=8), parameter :: command_name(6) = [character(len=8) :: "inverse", "forward", "sweep", "study", "explain", &
-                                                      "generate"]
+    character(len=10), parameter :: command_name(6) = [character(len=10) :: "inverse", "forward", "sweep", "study", "explain", &
+                                                       "generate"]
+
+    !> A command that the Python package has.
+    type :: python_command_type
+        character(len=10) :: name = ""
+        character(len=48) :: why = ""                !! it is not here
+    end type python_command_type
+
+    type(python_command_type), parameter :: python_command(*) = [ &
+        python_command_type("view", "the page is made by the Python package"), &
+        python_command_type("draw", "the picture is made by the Python package"), &
+        python_command_type("balance", "it is computed by the Python package"), &
+        python_command_type("new", "scenes to start from are in the Python package"), &
+        python_command_type("convert", "files are read by the Python package"), &
+        python_command_type("assemblies", "the table is made by the Python package")]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
 
     !> What an option is, and of which commands.
@@ -142,31 +156,18 @@ contains
             case ("--help", "-h", "help")
                 config%help = .true.
                 return
-            case ("view")
-                call refuse("view: the page is made by the Python package (expected the command linkdyn that it installs)")
-                return
-            case ("draw")
-                call refuse("draw: the picture is made by the Python package (expected the command linkdyn that it installs)")
-                return
-            case ("balance")
-                call refuse("balance: it is computed by the Python package (expected the command linkdyn that it installs)")
-                return
-            case ("new")
-                call refuse("new: scenes to start from are in the Python package (expected the command linkdyn that it installs)")
-                return
-            case ("convert")
-                call refuse("convert: files are read by the Python package (expected the command linkdyn that it installs)")
-                return
-            case ("assemblies")
-                call refuse("assemblies: the table is made by the Python package (expected the command linkdyn that it installs)")
-                return
             end select
+            if (any(python_command%name == word)) then
+                call refuse(word//": "//trim(python_command(findloc(python_command%name, word, dim=1))%why) &
+                            //" (expected the command linkdyn that it installs)")
+                return
+            end if
             config%command = findloc(command_name, word, dim=1)
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, draw, " &
-                            //"balance, new, convert, assemblies or explain)"//suggestion(word, command_name))
+                call refuse(quoted(word)//": unknown command (expected "//one_of([command_name, python_command%name])//")" &
+                            //suggestion(word, [command_name, python_command%name]))
             end if
         end associate
         if (.not. status%is_ok()) return
@@ -249,7 +250,8 @@ contains
         type(wanted_type) :: wanted
 
         wanted = all_wanted(config%options%solver)
-        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false., .false.)
+        if (config%no_output) wanted = wanted_type(reaction=wanted%reaction, joint_variable=.false., power=.false., checks=.false., &
+                                                   friction=.false.)
     end function default_wanted
 
     !> One option with its value, or the name of the scene.

@@ -2,6 +2,7 @@
 module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_cli, only: command_line
+    use linkdyn_clock, only: seconds_since
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
@@ -16,7 +17,7 @@ module linkdyn_drive_forward
     use linkdyn_scene, only: n_event
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
-    use linkdyn_terminal, only: show_stage, show_share, say, seconds_since
+    use linkdyn_terminal, only: show_stage, show_share, say
     use linkdyn_text, only: to_text, quoted
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached

@@ -7,6 +7,7 @@ module linkdyn_drive_inverse
     use linkdyn_builder, only: build_model
     use linkdyn_block_results, only: put_into_block
     use linkdyn_cli, only: command_line
+    use linkdyn_clock, only: seconds_since
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
@@ -16,10 +17,10 @@ module linkdyn_drive_inverse
     use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
     use linkdyn_heard_tables, only: refuse_instants
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
-    use linkdyn_results, only: wanted_type, layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
-        samples_width, find_driving_power, view_motor_loads, flag_unsound, result_time, result_q, result_qd, result_qdd, &
-        result_driving_force, result_driving_speed, result_driving_power, result_joint_rate, result_transmission_force, &
-        result_assembly, variable_index
+    use linkdyn_results, only: wanted_type, layout_type, block_type, describe_results, refuse_absent, prepare_block, &
+        view_values, samples_width, find_driving_power, view_motor_loads, flag_unsound, variable_index
+    use linkdyn_result_kinds, only: result_time, result_q, result_qd, result_qdd, result_driving_force, &
+        result_driving_speed, result_driving_power, result_joint_rate, result_transmission_force, result_assembly
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: has_hard_stops, scene_type, put_file_first
@@ -28,7 +29,7 @@ module linkdyn_drive_inverse
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, &
         reason_of_loss, passed_stops
-    use linkdyn_terminal, only: show_stage, show_progress, say, seconds_since
+    use linkdyn_terminal, only: show_stage, show_progress, say
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count
     implicit none (type, external)

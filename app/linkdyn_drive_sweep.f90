@@ -3,6 +3,7 @@ module linkdyn_drive_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_checkpoint, only: sweep_hash
     use linkdyn_cli, only: command_line
+    use linkdyn_clock, only: seconds_since
     use linkdyn_input, only: folder_of
     use linkdyn_kinds, only: wp
     use linkdyn_parallel, only: start_processes, stop_processes
@@ -20,7 +21,7 @@ module linkdyn_drive_sweep
     use linkdyn_sweep_wishes, only: choose_kept
     use linkdyn_sweep_summary, only: print_sweep, sample_text
     use linkdyn_sweep_totals, only: totals_type
-    use linkdyn_terminal, only: show_stage, show_progress, end_progress, say, seconds_since, duration_text
+    use linkdyn_terminal, only: show_stage, show_progress, end_progress, say, duration_text
     implicit none (type, external)
     private
     public :: drive_sweep

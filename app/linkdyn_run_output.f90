@@ -7,7 +7,8 @@ module linkdyn_run_output
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, &
         note_netcdf, close_netcdf
     use linkdyn_path, only: refuse_inputs
-    use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
+    use linkdyn_results, only: layout_type, block_type, variable_index
+    use linkdyn_result_kinds, only: result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_code, only: code_in_use
     use linkdyn_scene, only: scene_type, idle_spins, share_name

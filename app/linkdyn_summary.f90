@@ -8,11 +8,11 @@ module linkdyn_summary
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, drives_share
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
-        result_torque_margin, result_joint_variable, result_contact_force, result_controller_limited, dimension_type, dim_motor, &
-        dim_variable, dim_cam, dim_controller, &
-        variable_index, samples_width, &
-        label_of_value, estimated, estimate_of
+        dimension_type, dim_motor, dim_variable, dim_cam, dim_controller, variable_index, samples_width, label_of_value, &
+        estimated, estimate_of
+    use linkdyn_result_kinds, only: result_time, result_driving_force, result_motor_torque, result_reaction, &
+        result_status, result_assembly, result_torque_margin, result_joint_variable, result_contact_force, &
+        result_controller_limited
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type, cylinder_spec, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, &

@@ -4,13 +4,14 @@
 !> system writes it (c/linkdyn_sign.c), and the work only says what there is to tell.
 module linkdyn_terminal
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64
+    use linkdyn_clock, only: seconds_since
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: is_terminal, leave_process
     use linkdyn_sign, only: start_sign, set_sign, end_sign
     use linkdyn_text, only: printable, to_text
     implicit none (type, external)
     private
-    public :: start_progress, show_stage, show_progress, show_share, end_progress, say, seconds_since, duration_text, leave_program
+    public :: start_progress, show_stage, show_progress, show_share, end_progress, say, duration_text, leave_program
 
 contains
 
@@ -86,14 +87,6 @@ contains
         end if
         text = trim(adjustl(buffer))
     end function duration_text
-
-    real(wp) function seconds_since(start)
-        integer(int64), intent(in) :: start          !! count of the system clock
-        integer(int64) :: now, rate
-
-        call system_clock(now, rate)
-        seconds_since = real(now - start, wp)/real(rate, wp)
-    end function seconds_since
 
     !> End with an exit status. Libraries' exit handlers are left out: after a full disk netCDF's would
     !> try once more and complain in its own words.

@@ -6,7 +6,7 @@
 !> shared, so only ratios within one run mean much. `benchmarks/python/bench_inverse.py` adds the errors.
 program bench_inverse
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination

@@ -6,7 +6,7 @@
 !> on one thread, their ratio. Machines are shared: only the ratios mean much.
 program bench_sweep
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_input, only: read_file_text, folder_of
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &

@@ -11,7 +11,7 @@
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_closed_forms, only: flag_closed_forms
-    use linkdyn_catalogue, only: result_driving_force, result_qdd, result_reaction, result_joint_push
+    use linkdyn_result_kinds, only: result_driving_force, result_qdd, result_reaction, result_joint_push
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
@@ -37,7 +37,7 @@ module linkdyn_equations
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: one_of, to_text
     use linkdyn_transmission_losses, only: lossy_motors, contacts_of_motors, begin_losses, press_losses, apply_losses
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
@@ -127,8 +127,7 @@ contains
                 return
             end if
         end do
-        call fail(status, status_bad_input, "solver '"//trim(text)//"' is not known (expected gauss-jordan, lapack, " &
-                  //"elimination, reduced or gauss-jordan-plain)")
+        call fail(status, status_bad_input, "solver '"//trim(text)//"' is not known (expected "//one_of(solver_name)//")")
     end subroutine choose_solver
 
     !> Inverse dynamics: all driving forces are unknown, all accelerations given.

@@ -14,7 +14,7 @@ module linkdyn_motor_loads
     use linkdyn_scene, only: motor_spec
     implicit none (type, external)
     private
-    public :: motor_torque, transmission_friction, is_self_locking, still
+    public :: motor_torque, transmission_friction, is_self_locking
 
     real(wp), parameter :: still = 1.0e-6_wp           !! [rad/s]
 

@@ -6,17 +6,17 @@
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_catalogue, only: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
-        result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_error, result_growth, result_power_imbalance, result_time, result_driving_force_error, &
-        result_reaction_error, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step, &
-        result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
-        result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
-        result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle, &
-        result_strand_force, &
-        result_controller_target, result_controller_error, result_controller_output, result_controller_limited, &
-        result_clutch_force, result_clutch_slip, result_clutch_state, result_cylinder_pressure, result_cylinder_flow
+    use linkdyn_result_kinds, only: result_name, result_words, result_name_len, result_words_len, result_q, result_qd, &
+        result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
+        result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
+        result_power_imbalance, result_time, result_driving_force_error, result_reaction_error, result_kinetic_energy, &
+        result_potential_energy, result_work, result_closure, result_step, result_transmission_angle, result_stand_in, &
+        result_singularity_distance, result_assembly, result_q_error, result_qd_error, result_qdd_error, &
+        result_joint_rate_error, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
+        result_motor_speed, result_motor_power, result_motor_current, result_transmission_loss, result_torque_margin, &
+        result_brake_torque, result_contact_force, result_pressure_angle, result_strand_force, result_controller_target, &
+        result_controller_error, result_controller_output, result_controller_limited, result_clutch_force, &
+        result_clutch_slip, result_clutch_state, result_cylinder_pressure, result_cylinder_flow
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -26,28 +26,16 @@ module linkdyn_results
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
         side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch, n_chamber, side_opening
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
+    use linkdyn_text, only: one_of
     implicit none (type, external)
     private
-    public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
+    public :: layout_type, dimension_type, variable_type, block_type, wanted_type
     public :: describe_results, choose_wanted, refuse_absent, all_wanted, add_free, prepare_block, view_values, &
         find_driving_power, flag_unsound
     public :: find_motor_loads, view_motor_loads, margin_of
-    public :: variable_index, samples_width, label_len, wanted_name
+    public :: variable_index, samples_width, label_len
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
         dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, n_dimension
-    public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
-    public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
-    public :: result_error, result_growth, result_power_imbalance, result_time
-    public :: result_driving_force_error, result_reaction_error
-    public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
-    public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
-    public :: result_friction, result_friction_power
-    public :: result_contact_force, result_pressure_angle, result_strand_force
-    public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
-    public :: result_transmission_loss, result_torque_margin, result_brake_torque
-    public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
-    public :: result_clutch_force, result_clutch_slip, result_clutch_state, result_cylinder_pressure, result_cylinder_flow
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -103,6 +91,9 @@ module linkdyn_results
         logical :: errors = .false.          !! error estimates of the forces that are wanted; of a run of its motion, too
     end type wanted_type
 
+    type(wanted_type), parameter :: nothing_wanted = wanted_type(driving_force=.false., reaction=.false., joint_variable=.false., &
+        power=.false., checks=.false., friction=.false., motor=.false., controller=.false., clutch=.false., cylinder=.false.)
+
     !> One dimension. `label` and `unit` are absent for the samples.
     type :: dimension_type
         character(len=12) :: name = ""
@@ -114,8 +105,8 @@ module linkdyn_results
     !> One variable; dimensions slowest first, as netCDF tools and Python show them.
     type :: variable_type
         integer :: id = 0                                  !! one of `result_*`
-        character(len=20) :: name = ""
-        character(len=128) :: long_name = ""
+        character(len=result_name_len) :: name = ""
+        character(len=result_words_len) :: long_name = ""
         character(len=unit_list_len) :: units = ""         !! several where they differ along the last dimension
         character(len=unit_list_len), allocatable :: entry_unit(:)  !! along the last dimension, or a single one
         integer :: n_dim = 1
@@ -217,7 +208,7 @@ contains
         integer :: first
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false., .false., .false.)
+        wanted = nothing_wanted
         first = 1
         do while (first <= len(text) + 1)
             call take_word(text, first, word)
@@ -250,7 +241,7 @@ contains
                 wanted = wanted_type(rcond=wanted%rcond, distance=wanted%distance)
             case default
                 call fail(status, status_bad_input, "want: '"//word//"' is not a result (expected "// &
-                    list_of(wanted_name)//")")
+                    one_of(wanted_name)//")")
                 return
             end select
         end do
@@ -341,8 +332,7 @@ contains
         call describe_cams(scene, wanted, layout)
         call describe_belts(scene, wanted, layout)
         if (present(follows_assembly)) then
-            if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
-                "how the assembly of the sample was found", "1", flag=reached_name)
+            if (follows_assembly .and. has_time) call add(layout, result_assembly, "1", flag=reached_name)
         end if
         call describe_controllers(scene, is_run .and. wanted%controller, layout)
         call describe_clutches(scene, is_run .and. wanted%clutch, layout)
@@ -437,53 +427,36 @@ contains
             of_component => layout%dimension(dim_component)%unit, &
             of_coordinate => layout%dimension(dim_coordinate)%unit, &
             of_variable => layout%dimension(dim_variable)%unit)
-            if (has_time) call add(layout, result_time, "time", "time", "s")
-            call add(layout, result_q, "q", "generalized coordinates", &
-                of=[dim_coordinate], units=of_coordinate)
-            call add(layout, result_qd, "qd", "first time derivative of the generalized coordinates", &
-                of=[dim_coordinate], units=per(of_coordinate, "/s"))
-            call add(layout, result_qdd, "qdd", "second time derivative of the generalized coordinates", &
-                of=[dim_coordinate], units=per(of_coordinate, "/s2"))
-            if (wanted%driving_force) call add(layout, result_driving_force, "driving_force", &
-                "driving force or torque, positive when it drives the joint variable up", &
-                of=[dim_actuator], units=of_actuator)
+            if (has_time) call add(layout, result_time, "s")
+            call add(layout, result_q, of=[dim_coordinate], units=of_coordinate)
+            call add(layout, result_qd, of=[dim_coordinate], units=per(of_coordinate, "/s"))
+            call add(layout, result_qdd, of=[dim_coordinate], units=per(of_coordinate, "/s2"))
+            if (wanted%driving_force) call add(layout, result_driving_force, of=[dim_actuator], units=of_actuator)
             if (wanted%power) then
-                call add(layout, result_driving_speed, "driving_speed", "rate of the driven joint variable", &
+                call add(layout, result_driving_speed, &
                     of=[dim_actuator], units=per(of_variable(layout%actuator_variable), "/s"))
-                call add(layout, result_driving_power, "driving_power", "power that the actuator puts in", &
-                    "W", of=[dim_actuator])
+                call add(layout, result_driving_power, "W", of=[dim_actuator])
             end if
-            if (wanted%reaction) call add(layout, result_reaction, "reaction", &
-                "wrench of the first link of the joint on the second, at the joint point, world axes", &
-                of=[dim_joint, dim_component], units=of_component)
-            if (wanted%errors .and. wanted%driving_force) call add(layout, result_driving_force_error, "driving_force_error", &
-                "estimated error of the driving force, infinite where it says nothing", &
+            if (wanted%reaction) call add(layout, result_reaction, of=[dim_joint, dim_component], units=of_component)
+            if (wanted%errors .and. wanted%driving_force) call add(layout, result_driving_force_error, &
                 of=[dim_actuator], units=of_actuator)
-            if (wanted%errors .and. wanted%reaction) call add(layout, result_reaction_error, "reaction_error", &
-                "estimated error of the reaction, infinite where it says nothing", &
+            if (wanted%errors .and. wanted%reaction) call add(layout, result_reaction_error, &
                 of=[dim_joint, dim_component], units=of_component)
             if (wanted%joint_variable) then
-                call add(layout, result_joint_variable, "joint_variable", "joint variables", &
-                    of=[dim_variable], units=of_variable)
-                call add(layout, result_joint_rate, "joint_rate", "rates of the joint variables", &
-                    of=[dim_variable], units=per(of_variable, "/s"))
-                if (layout%dimension(dim_dyad)%size > 0) call add(layout, result_transmission_angle, "transmission_angle", &
-                    "transmission angle of the dyad, 0 at its dead points to pi/2", "rad", of=[dim_dyad])
+                call add(layout, result_joint_variable, of=[dim_variable], units=of_variable)
+                call add(layout, result_joint_rate, of=[dim_variable], units=per(of_variable, "/s"))
+                if (layout%dimension(dim_dyad)%size > 0) call add(layout, result_transmission_angle, "rad", of=[dim_dyad])
             end if
         end associate
-        call add(layout, result_status, "status", "outcome of the sample", "1", flag=sample_status_name)
-        if (wanted%bound .or. (wanted%errors .and. .not. is_run)) call add(layout, result_error, "error", &
-            "relative error bound or estimate of the forces", "1")
-        if (wanted%rcond) call add(layout, result_rcond, "rcond", &
-            "reciprocal condition number (1-norm) of the equations, rows and columns divided by their largest entries", "1")
+        call add(layout, result_status, "1", flag=sample_status_name)
+        if (wanted%bound .or. (wanted%errors .and. .not. is_run)) call add(layout, result_error, "1")
+        if (wanted%rcond) call add(layout, result_rcond, "1")
         if (wanted%distance) then
-            call add(layout, result_singularity_distance, "singularity_distance", &
-                "how far coordinates may move until the equations are singular, to first order; angles times `length` [m]", "m")
+            call add(layout, result_singularity_distance, "m")
             if (present(length)) layout%variable(size(layout%variable))%length = length
         end if
-        if (wanted%growth) call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
-        if (wanted%checks) call add(layout, result_power_imbalance, "power_imbalance", &
-            "driving and external power less change of energy, relative to the powers that the forces could have", "1")
+        if (wanted%growth) call add(layout, result_growth, "1")
+        if (wanted%checks) call add(layout, result_power_imbalance, "1")
     end subroutine describe_variables
 
     !> What scenes with motors have.
@@ -491,20 +464,16 @@ contains
         logical, intent(in) :: is_run                !! of forward dynamics, in which brakes act
         type(layout_type), intent(inout) :: layout
 
-        call add(layout, result_transmission_force, "transmission_force", &
-            "what gets of the driving force to the links; the rest accelerates the rotor", of=[dim_motor], &
-            units=layout%dimension(dim_motor)%unit)
-        call add(layout, result_motor_torque, "motor_torque", "torque of the motor", "N m", of=[dim_motor])
-        call add(layout, result_motor_speed, "motor_speed", "speed of the motor", "rad/s", of=[dim_motor])
-        call add(layout, result_motor_power, "motor_power", "power of the motor at its shaft", "W", of=[dim_motor])
-        call add(layout, result_transmission_loss, "transmission_loss", "power that gear or screw lose", "W", of=[dim_motor])
+        call add(layout, result_transmission_force, of=[dim_motor], units=layout%dimension(dim_motor)%unit)
+        call add(layout, result_motor_torque, "N m", of=[dim_motor])
+        call add(layout, result_motor_speed, "rad/s", of=[dim_motor])
+        call add(layout, result_motor_power, "W", of=[dim_motor])
+        call add(layout, result_transmission_loss, "W", of=[dim_motor])
         if (any(layout%motor%torque_constant > 0)) &
-            call add(layout, result_motor_current, "motor_current", "current of the motor", "A", of=[dim_motor])
-        if (any(has_limits(layout%motor))) call add(layout, result_torque_margin, "torque_margin", &
-            "what the motor has at its speed beyond its torque; below zero its limits are exceeded", "N m", of=[dim_motor])
+            call add(layout, result_motor_current, "A", of=[dim_motor])
+        if (any(has_limits(layout%motor))) call add(layout, result_torque_margin, "N m", of=[dim_motor])
         if (is_run .and. any(layout%motor%brake%is_given)) &
-            call add(layout, result_brake_torque, "brake_torque", "what the brake takes of the motor's torque", "N m", &
-                of=[dim_motor])
+            call add(layout, result_brake_torque, "N m", of=[dim_motor])
     end subroutine describe_motors
 
     !> What scenes with cams have; pressure angles, if all followers have a guide.
@@ -519,15 +488,13 @@ contains
             cam%size = size(cam%label)
             if (cam%size == 0) return
         end associate
-        if (wanted%reaction) call add(layout, result_contact_force, "contact_force", &
-            "normal force with which follower and cam press; below zero the follower would lift", "N", of=[dim_cam])
+        if (wanted%reaction) call add(layout, result_contact_force, "N", of=[dim_cam])
         if (.not. wanted%joint_variable) return
         do j = 1, n_holding(scene)
             if (scene%joint(j)%kind /= joint_cam) cycle
             if (guide_of(scene, j) == 0) return
         end do
-        call add(layout, result_pressure_angle, "pressure_angle", &
-            "angle between the normal and the way of the follower in its guide, 0 to pi/2", "rad", of=[dim_cam])
+        call add(layout, result_pressure_angle, "rad", of=[dim_cam])
     end subroutine describe_cams
 
     !> What scenes with belts that stretch have.
@@ -547,8 +514,7 @@ contains
             strand%size = size(strand%label)
             if (strand%size == 0) return
         end associate
-        if (wanted%reaction) call add(layout, result_strand_force, "strand_force", &
-            "tension of a belt's strand; zero: it is slack", "N", of=[dim_strand])
+        if (wanted%reaction) call add(layout, result_strand_force, "N", of=[dim_strand])
     end subroutine describe_belts
 
     !> What scenes with controllers have.
@@ -566,14 +532,11 @@ contains
                 of%unit(i) = scene%controller(i)%unit
             end do
             if (of%size == 0 .or. .not. is_told) return
-            call add(layout, result_controller_target, "controller_target", &
-                "what the controller wants of what it measures, as it has seen it last", of=[dim_controller], units=of%unit)
-            call add(layout, result_controller_error, "controller_error", &
-                "target less what is measured, as the controller has seen it last", of=[dim_controller], units=of%unit)
-            call add(layout, result_controller_output, "controller_output", &
-                "output of the controller in effect", of=[dim_controller], units=scene%controller%output_unit)
-            call add(layout, result_controller_limited, "controller_limited", &
-                "is that output at a limit?", "1", of=[dim_controller], flag=[character(len=label_len) :: "free", "limited"])
+            call add(layout, result_controller_target, of=[dim_controller], units=of%unit)
+            call add(layout, result_controller_error, of=[dim_controller], units=of%unit)
+            call add(layout, result_controller_output, of=[dim_controller], units=scene%controller%output_unit)
+            call add(layout, result_controller_limited, "1", of=[dim_controller], &
+                flag=[character(len=label_len) :: "free", "limited"])
         end associate
     end subroutine describe_controllers
 
@@ -592,12 +555,9 @@ contains
                 of%unit(i) = scene%clutch(i)%unit
             end do
             if (of%size == 0 .or. .not. is_told) return
-            call add(layout, result_clutch_force, "clutch_force", &
-                "force or torque of the clutch, up along what it lets slip", of=[dim_clutch], units=of%unit)
-            call add(layout, result_clutch_slip, "clutch_slip", &
-                "rate at which the clutch slips", of=[dim_clutch], &
-                units=scene%clutch%slip_unit)
-            call add(layout, result_clutch_state, "clutch_state", "what the clutch does", "1", of=[dim_clutch], &
+            call add(layout, result_clutch_force, of=[dim_clutch], units=of%unit)
+            call add(layout, result_clutch_slip, of=[dim_clutch], units=scene%clutch%slip_unit)
+            call add(layout, result_clutch_state, "1", of=[dim_clutch], &
                 flag=[character(len=label_len) :: "open", "slips", "holds"])
         end associate
     end subroutine describe_clutches
@@ -614,10 +574,8 @@ contains
             chamber%size = n_chamber
             chamber%label = [character(len=label_len) :: "head", "rod"]
             if (of%size == 0 .or. .not. is_told) return
-            call add(layout, result_cylinder_pressure, "cylinder_pressure", &
-                "pressure in the chamber, above the atmosphere's", "Pa", of=[dim_cylinder, dim_chamber])
-            call add(layout, result_cylinder_flow, "cylinder_flow", "flow through the valve into the chamber", "m3/s", &
-                of=[dim_cylinder, dim_chamber])
+            call add(layout, result_cylinder_pressure, "Pa", of=[dim_cylinder, dim_chamber])
+            call add(layout, result_cylinder_flow, "m3/s", of=[dim_cylinder, dim_chamber])
         end associate
     end subroutine describe_cylinders
 
@@ -625,10 +583,8 @@ contains
     subroutine describe_friction(layout)
         type(layout_type), intent(inout) :: layout
 
-        call add(layout, result_friction, "friction", &
-            "wrench of friction of the first link of the joint on the second, at the joint point, world axes", &
-            of=[dim_joint, dim_component], units=layout%dimension(dim_component)%unit)
-        call add(layout, result_friction_power, "friction_power", "power that friction in the joint takes", "W", of=[dim_joint])
+        call add(layout, result_friction, of=[dim_joint, dim_component], units=layout%dimension(dim_component)%unit)
+        call add(layout, result_friction_power, "W", of=[dim_joint])
     end subroutine describe_friction
 
     !> What only a run of forward dynamics has.
@@ -638,18 +594,16 @@ contains
         type(layout_type), intent(inout) :: layout
 
         if (wanted%errors) call describe_run_errors(wanted, layout)
-        if (has_joint_coordinates) call add(layout, result_stand_in, "stand_in", &
-            "joint variable integrated in the place of the coordinate, which was near its dead point", "1", &
+        if (has_joint_coordinates) call add(layout, result_stand_in, "1", &
             of=[dim_coordinate], flag=[character(len=label_len) :: "none", layout%dimension(dim_variable)%label])
         if (wanted%power) then
-            call add(layout, result_kinetic_energy, "kinetic_energy", "kinetic energy of all links", "J")
-            call add(layout, result_potential_energy, "potential_energy", &
-                "potential energy of gravity, zero at the origin, and of springs", "J")
-            call add(layout, result_work, "work", "work of the driving forces since the start", "J")
+            call add(layout, result_kinetic_energy, "J")
+            call add(layout, result_potential_energy, "J")
+            call add(layout, result_work, "J")
         end if
         if (.not. wanted%checks) return
-        call add(layout, result_closure, "closure", "largest distance or angle by which a joint misses (m, rad)", "1")
-        call add(layout, result_step, "step", "last step of the integrator", "s")
+        call add(layout, result_closure, "1")
+        call add(layout, result_step, "s")
     end subroutine describe_run
 
     !> What a run has gathered since its start; that of the forces stands among them.
@@ -658,23 +612,18 @@ contains
         type(layout_type), intent(inout) :: layout
 
         associate (unit => layout%dimension(dim_coordinate)%unit)
-            call add(layout, result_q_error, "q_error", "estimated error of the generalized coordinates", &
-                of=[dim_coordinate], units=unit)
-            call add(layout, result_qd_error, "qd_error", "estimated error of their first time derivative", &
-                of=[dim_coordinate], units=per(unit, "/s"))
-            call add(layout, result_qdd_error, "qdd_error", "estimated error of their second time derivative", &
-                of=[dim_coordinate], units=per(unit, "/s2"))
+            call add(layout, result_q_error, of=[dim_coordinate], units=unit)
+            call add(layout, result_qd_error, of=[dim_coordinate], units=per(unit, "/s"))
+            call add(layout, result_qdd_error, of=[dim_coordinate], units=per(unit, "/s2"))
         end associate
-        if (wanted%joint_variable) call add(layout, result_joint_rate_error, "joint_rate_error", &
-            "estimated error of the rates of the joint variables", of=[dim_variable], &
+        if (wanted%joint_variable) call add(layout, result_joint_rate_error, of=[dim_variable], &
             units=per(layout%dimension(dim_variable)%unit, "/s"))
     end subroutine describe_run_errors
 
     !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
-    subroutine add(layout, id, name, long_name, unit, of, units, flag)
+    subroutine add(layout, id, unit, of, units, flag)
         type(layout_type), intent(inout) :: layout
-        integer, intent(in) :: id
-        character(len=*), intent(in) :: name, long_name
+        integer, intent(in) :: id                            !! one of `result_*`
         character(len=*), intent(in), optional :: unit       !! of the whole variable
         integer, intent(in), optional :: of(:)               !! dimensions after the sample
         character(len=*), intent(in), optional :: units(:)   !! along the last dimension
@@ -687,8 +636,8 @@ contains
             if (any(layout%dimension(of)%size == 0)) return
         end if
         variable%id = id
-        variable%name = name
-        variable%long_name = long_name
+        variable%name = result_name(id)
+        variable%long_name = result_words(id)
         if (present(of)) variable%n_dim = 1 + size(of)
         if (present(of)) variable%dim(2:variable%n_dim) = of
         if (present(unit)) then
@@ -930,15 +879,4 @@ contains
             loss(:, i) = transmission_friction(layout%motor, transmission_force(:, i), rate)*rate
         end do
     end subroutine find_motor_loads
-
-    pure function list_of(names) result(text)
-        character(len=*), intent(in) :: names(:)
-        character(len=:), allocatable :: text
-        integer :: i
-
-        text = trim(names(1))
-        do i = 2, size(names)
-            text = text//", "//trim(names(i))
-        end do
-    end function list_of
 end module linkdyn_results

@@ -9,7 +9,7 @@ module linkdyn_c_interface
     use linkdyn_handles, only: close_handle
     use linkdyn_given_attitudes, only: take_attitudes, attitudes_of_matrices, attitude_size, rotation_size
     use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_count, check_finite
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_heard_tables, only: refuse_short_tables
@@ -18,7 +18,8 @@ module linkdyn_c_interface
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_scene_file, take_scene, leave_scene, find_placing
     use linkdyn_poses, only: find_poses
-    use linkdyn_results, only: wanted_type, all_wanted, result_assembly
+    use linkdyn_results, only: wanted_type, all_wanted
+    use linkdyn_result_kinds, only: result_name, result_assembly
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
     use linkdyn_text, only: to_text, quoted, printable
     implicit none (type, external)
@@ -761,14 +762,14 @@ contains
             call expect("the name of a result", wanted(i)%name, status)
             if (.not. status%is_ok()) return
             do place = n_room, 1, -1
-                if (is_text(wanted(i)%name, room_name(place))) exit
+                if (is_text(wanted(i)%name, result_name(room_id(place)))) exit
             end do
             if (place == 0) call find_room(scene, text_of(wanted(i)%name), place, status)
             if (.not. status%is_ok()) return
-            call see_result(room_name(place), wanted(i), room_width(scene%model, room_id(place)), n, values, status)
+            call see_result(result_name(room_id(place)), wanted(i), room_width(scene%model, room_id(place)), n, values, status)
             if (.not. status%is_ok()) return
             if (associated(room(place)%real) .or. (room_id(place) == result_assembly .and. associated(assembly))) &
-                call fail(status, status_bad_input, "result "//quoted(trim(room_name(place)))// &
+                call fail(status, status_bad_input, "result "//quoted(trim(result_name(room_id(place))))// &
                           " is asked for twice (expected each result once)")
             if (.not. status%is_ok()) return
             if (room_id(place) == result_assembly) then

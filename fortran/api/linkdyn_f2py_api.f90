@@ -27,7 +27,7 @@ module linkdyn_f2py_api
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_size, check_finite
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_heard_tables, only: refuse_short_tables
@@ -40,8 +40,8 @@ module linkdyn_f2py_api
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
-    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free, &
-        result_assembly
+    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free
+    use linkdyn_result_kinds, only: result_name, result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: n_chamber
     use linkdyn_scene_reader, only: check_actuators
@@ -528,7 +528,7 @@ contains
 
         names = ""
         do i = 1, n_room
-            names = trim(names)//" "//room_name(i)
+            names = trim(names)//" "//result_name(room_id(i))
         end do
         n = n_room
     end subroutine api_result_names

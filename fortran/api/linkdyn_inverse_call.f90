@@ -12,14 +12,13 @@ module linkdyn_inverse_call
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_open_scene, only: open_scene, find_solver
-    use linkdyn_results, only: find_driving_power, result_driving_force, result_driving_speed, result_driving_power, &
+    use linkdyn_results, only: find_driving_power, margin_of, find_motor_loads
+    use linkdyn_result_kinds, only: result_name, result_driving_force, result_driving_speed, result_driving_power, &
         result_reaction, result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, &
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin, margin_of, result_contact_force, result_pressure_angle, &
-        result_strand_force, &
-        find_motor_loads
+        result_transmission_loss, result_torque_margin, result_contact_force, result_pressure_angle, result_strand_force
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
@@ -27,7 +26,7 @@ module linkdyn_inverse_call
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
-    public :: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, check_size, check_finite, &
+    public :: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, check_finite, &
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
@@ -38,12 +37,6 @@ module linkdyn_inverse_call
         result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
         result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin, &
         result_contact_force, result_pressure_angle, result_strand_force]
-    character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
-        "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
-        "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
-        "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", &
-        "transmission_loss", "motor_current", "torque_margin", "contact_force", "pressure_angle", "strand_force"]
-
     !> Where a result goes; null: it is not wanted.
     type :: room_type
         real(c_double), pointer, contiguous :: real(:) => null()       !! (width*n), sample after sample
@@ -293,8 +286,9 @@ contains
         call check_size("status", size(sample_status, kind=int64), 1, n, status)
         do i = 1, n_room
             associate (width => room_width(model, room_id(i)))
-                if (associated(room(i)%real)) call check_size(room_name(i), size(room(i)%real, kind=int64), width, n, status)
-                if (associated(room(i)%integer)) call check_size(room_name(i), size(room(i)%integer, kind=int64), width, n, status)
+                if (associated(room(i)%real)) call check_size(result_name(room_id(i)), size(room(i)%real, kind=int64), width, n, status)
+                if (associated(room(i)%integer)) call check_size(result_name(room_id(i)), size(room(i)%integer, kind=int64), width, n, &
+                                                                 status)
             end associate
         end do
     end subroutine check_arrays

@@ -1,11 +1,12 @@
 !> Names and units of what a scene consists of and of what can be computed of it, by the words that stand for these lists.
 module linkdyn_name_lists
     use linkdyn_given_attitudes, only: attitude_name
-    use linkdyn_inverse_call, only: n_room, room_id, room_name, room_width
+    use linkdyn_inverse_call, only: n_room, room_id, room_width
     use linkdyn_open_scene, only: open_scene
-    use linkdyn_results, only: layout_type, label_len, samples_width, dim_actuator, dim_joint, dim_component, dim_coordinate, &
-        dim_variable, dim_dyad, dim_motor, dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, &
-        result_status
+    use linkdyn_results, only: layout_type, label_len, samples_width, dim_actuator, dim_joint, dim_component, &
+        dim_coordinate, dim_variable, dim_dyad, dim_motor, dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, &
+        dim_chamber
+    use linkdyn_result_kinds, only: result_name, result_status
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted, join
@@ -66,7 +67,7 @@ contains
         case ("chamber")
             call take_dimension(dim_chamber)
         case ("result")
-            list%name = pack(room_name, has_room(scene))
+            list%name = pack(result_name(room_id), has_room(scene))
         case ("run_result")
             list%name = pack(scene%run_layout%variable%name, scene%run_layout%variable%id /= result_status)
         case default
@@ -101,9 +102,9 @@ contains
         type(status_type), intent(inout) :: status
 
         do room = 1, n_room
-            if (room_name(room) == name .and. room_width(scene%model, room_id(room)) > 0) return
+            if (result_name(room_id(room)) == name .and. room_width(scene%model, room_id(room)) > 0) return
         end do
-        call refuse(name, pack(room_name, has_room(scene)), status)
+        call refuse(name, pack(result_name(room_id), has_room(scene)), status)
     end subroutine find_room
 
     !> The variable of a result of a run.

@@ -13,8 +13,8 @@ module linkdyn_open_run
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, repeats
-    use linkdyn_results, only: block_type, wanted_type, prepare_block, variable_index, result_q, result_qd, &
-        result_joint_variable, result_status
+    use linkdyn_results, only: block_type, wanted_type, prepare_block, variable_index
+    use linkdyn_result_kinds, only: result_q, result_qd, result_joint_variable, result_status
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, joint_n_variable
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_status_name

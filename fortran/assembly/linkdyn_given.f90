@@ -11,7 +11,7 @@ module linkdyn_given
     use linkdyn_planar_motion, only: level_velocity, level_given
     implicit none (type, external)
     private
-    public :: given_position, given_rate, given_acceleration, given_column, given_moves, has_lost_turns
+    public :: given_position, given_rate, given_acceleration, given_column, has_lost_turns
 
 contains
 

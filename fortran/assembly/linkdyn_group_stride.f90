@@ -17,7 +17,7 @@ module linkdyn_group_stride
     use linkdyn_short_steps, only: short_part, moves_shortly, are_short
     implicit none (type, external)
     private
-    public :: group_stride, left_behind, stride_groups, find_tangents, predict, close_from, close_places, share_along
+    public :: group_stride, left_behind, stride_groups, find_tangents, predict, close_places, share_along
 
     !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
     type :: group_stride

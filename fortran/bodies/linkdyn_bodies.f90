@@ -11,8 +11,8 @@ module linkdyn_bodies
     implicit none (type, external)
     private
     public :: world_axes, own_axes
-    public :: body_type, turning_type, bodies_type, field_type, in_two_axes
-    public :: make_bodies, set_vector, forget_vector, vector_in
+    public :: bodies_type, in_two_axes
+    public :: make_bodies, set_vector, forget_vector
     public :: arm_of, point_position, point_velocity, point_acceleration, omega_of, alpha_of, rotation_of, acceleration_field
     public :: acceleration_of_origin, field_times, carried_velocity, carried_acceleration
 

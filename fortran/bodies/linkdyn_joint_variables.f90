@@ -9,8 +9,7 @@ module linkdyn_joint_variables
     use linkdyn_vector, only: vector, components, operator(-), operator(.cross.)
     implicit none (type, external)
     private
-    public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable, &
-        variable_acceleration, move_pair, accelerate_pair
+    public :: joint_rates, one_variable, variable_near, variable_rate, variable_acceleration, move_pair, accelerate_pair
     public :: within_half_a_turn
 
 contains

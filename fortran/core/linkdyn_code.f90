@@ -3,12 +3,12 @@ module linkdyn_code
     use, intrinsic :: iso_c_binding, only: c_int, c_char, c_double
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
+    use linkdyn_text, only: one_of
     implicit none (type, external)
     private
     public :: choose_code, check_code, code_in_use, code_name
 
     character(len=11), parameter :: code_name(4) = [character(len=11) :: "interpreter", "scalar", "avx2", "avx512"]
-    character(len=*), parameter :: expected = " (expected interpreter, scalar, avx2 or avx512)"
 
     interface
         function linkdyn_choose_code(name, name_len) result(is_known) bind(c)
@@ -38,7 +38,7 @@ contains
         type(status_type), intent(out) :: status
 
         if (linkdyn_choose_code(name, len(name)) == 0) &
-            call fail(status, status_bad_input, "code: '"//name//"'"//expected)
+            call fail(status, status_bad_input, "code: '"//name//"' (expected "//one_of(code_name)//")")
     end subroutine choose_code
 
     !> Does the environment ask for something that there is?
@@ -48,7 +48,7 @@ contains
 
         if (linkdyn_code_is_known() /= 0) return
         call get_environment_variable("LINKDYN_CODE", wish)
-        call fail(status, status_bad_input, "LINKDYN_CODE: '"//trim(wish)//"'"//expected)
+        call fail(status, status_bad_input, "LINKDYN_CODE: '"//trim(wish)//"' (expected "//one_of(code_name)//")")
     end subroutine check_code
 
     !> One of the names; behind an interpreter that was not asked for, why.

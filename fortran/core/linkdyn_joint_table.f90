@@ -49,58 +49,72 @@ module linkdyn_joint_table
     integer, parameter :: n_along(0:4) = [0, 1, 2, 3, 1]   !! how many these are
 
     integer, parameter :: variable_len = 7
-    character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
-        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt", &
-        "cam", "position", "attitude", "groove", "plate", "nothing", "key", "thread"]
-    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 0, 3, 3, 0, 0, 0, 0, 0]
-    character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
-        "angle", "", "", &
-        "slide", "", "", &
-        "angle", "slide", "", &
-        "angle1", "angle2", "", &
-        "roll", "pitch", "yaw", &
-        "", "", "", &
-        "x", "y", "angle", &
-        "angle", "", "", &
-        "", "", "", &
-        "", "", "", &
-        "", "", "", &
-        "", "", "", &
-        "x", "y", "z", &
-        "roll", "pitch", "yaw", &
-        "", "", "", &
-        "", "", "", &
-        "", "", "", &
-        "", "", "", &
-        "", "", ""], [3, n_kind])
-    logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
+    integer, parameter :: most_variables = 3
+    integer, parameter :: most_slides = 2
+
+    !> What there is to know of a kind.
+    type :: joint_kind
+        integer :: id = 0                                            !! one of `joint_*`, `pose_*`
+        character(len=11) :: name = ""                               !! in scenes
+        integer :: n_variable = 0
+        character(len=variable_len) :: variable(most_variables) = ""
+        integer :: slide_axis(most_slides) = 0                       !! of the first marker, along which the second moves; 0: no more
+        integer :: force = along_nothing, moment = along_nothing     !! directions transmitted, of `along_*`
+        logical :: is_in_plane = .false.                             !! exists in planar scenes
+    end type joint_kind
+
+    character(len=variable_len), parameter, dimension(most_variables) :: no_variable = "", &
+        one_angle = [character(len=variable_len) :: "angle", "", ""], &
+        one_slide = [character(len=variable_len) :: "slide", "", ""], &
+        angle_and_slide = [character(len=variable_len) :: "angle", "slide", ""], &
+        two_angles = [character(len=variable_len) :: "angle1", "angle2", ""], &
+        in_a_plane = [character(len=variable_len) :: "x", "y", "angle"], &
+        a_place = [character(len=variable_len) :: "x", "y", "z"], &
+        three_angles = [character(len=variable_len) :: "roll", "pitch", "yaw"]
+    type(joint_kind), parameter :: kinds(n_kind) = [ &
+        joint_kind(joint_revolute, "revolute", 1, one_angle, [0, 0], along_axes, along_x_and_y, .true.), &
+        joint_kind(joint_prismatic, "prismatic", 1, one_slide, [3, 0], along_x_and_y, along_axes, .true.), &
+        joint_kind(joint_cylindrical, "cylindrical", 2, angle_and_slide, [3, 0], along_x_and_y, along_x_and_y, .false.), &
+        joint_kind(joint_universal, "universal", 2, two_angles, [0, 0], along_axes, along_normal, .false.), &
+        joint_kind(joint_spherical, "spherical", 3, three_angles, [0, 0], along_axes, along_nothing, .false.), &
+        joint_kind(joint_fixed, "fixed", 0, no_variable, [0, 0], along_axes, along_axes, .true.), &
+        joint_kind(joint_planar, "planar", 3, in_a_plane, [1, 2], along_z, along_x_and_y, .false.), &
+        joint_kind(joint_screw, "screw", 1, one_angle, [3, 0], along_x_and_y, along_x_and_y, .false.), &
+        joint_kind(joint_gear, "gear", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        joint_kind(joint_rack, "rack", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        joint_kind(joint_belt, "belt", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        joint_kind(joint_cam, "cam", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        joint_kind(pose_position, "position", 3, a_place, [0, 0], along_nothing, along_nothing, .false.), &
+        joint_kind(pose_attitude, "attitude", 3, three_angles, [0, 0], along_nothing, along_nothing, .false.), &
+        joint_kind(joint_groove, "groove", 0, no_variable, [0, 0], along_x_and_y, along_nothing, .false.), &
+        joint_kind(joint_plate, "plate", 0, no_variable, [0, 0], along_z, along_nothing, .false.), &
+        joint_kind(joint_loose, "nothing", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.), &
+        joint_kind(joint_key, "key", 0, no_variable, [0, 0], along_nothing, along_normal, .false.), &
+        joint_kind(joint_thread, "thread", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.)]
+
+    ! ---- its columns, by the number of the kind
+    character(len=11), parameter :: joint_kind_name(n_kind) = kinds%name
+    integer, parameter :: joint_n_variable(n_kind) = kinds%n_variable
+    character(len=variable_len), parameter :: variable_name(most_variables, n_kind) = &
+        reshape([kinds%variable(1), kinds%variable(2), kinds%variable(3)], [most_variables, n_kind], order=[2, 1])
+    integer, parameter :: slide_axis(most_slides, n_kind) = &
+        reshape([kinds%slide_axis(1), kinds%slide_axis(2)], [most_slides, n_kind], order=[2, 1])
+    integer, parameter :: force_directions(n_kind) = kinds%force
+    integer, parameter :: moment_directions(n_kind) = kinds%moment
+    logical, parameter :: joint_in_plane(n_joint_kind) = kinds(:n_joint_kind)%is_in_plane
+
+    logical, parameter :: variable_is_slide(most_variables, n_kind) = &                      !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
     !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second. Of
     !> three angles these are the axes in which turning is told, not those that the angles go about.
-    integer, parameter :: variable_axis(3, n_kind) = &
+    integer, parameter :: variable_axis(most_variables, n_kind) = &
         merge(1, merge(2, 3, variable_name == "y" .or. variable_name == "pitch"), variable_name == "x" .or. variable_name == "roll")
-    integer, parameter :: most_slides = 2
-    !> Along which axes of the first marker the second moves away from it; 0: no more.
-    integer, parameter :: slide_axis(most_slides, n_kind) = &
-        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, &
-                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
-    integer, parameter :: force_directions(n_kind) = &
-        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_x_and_y, along_z, &
-         along_nothing, along_nothing, along_nothing]
-    integer, parameter :: moment_directions(n_kind) = &
-        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, &
-         along_nothing, along_normal, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw" .or. joint_kind_name == "thread"
     !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
     !> with a moment on each of both links.
     logical, parameter :: is_geared(n_kind) = &
         joint_kind_name == "gear" .or. joint_kind_name == "rack" .or. joint_kind_name == "belt"
-    !> Exists in planar scenes.
-    logical, parameter :: joint_in_plane(n_joint_kind) = &
-        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true., .true., .true.]
 
 contains
 

@@ -4,7 +4,7 @@ module linkdyn_text
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: to_text, listed, quoted, join, printable, lower_case
+    public :: to_text, listed, quoted, join, one_of, printable, lower_case
 
     !> A value as its shortest plain text.
     interface to_text
@@ -136,6 +136,19 @@ contains
             text = text//quoted(names(i))
         end do
     end function join
+
+    !> Words to choose from: "a, b or c".
+    pure function one_of(words) result(text)
+        character(len=*), intent(in) :: words(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = trim(words(1))
+        do i = 2, size(words) - 1
+            text = text//", "//trim(words(i))
+        end do
+        if (size(words) > 1) text = text//" or "//trim(words(size(words)))
+    end function one_of
 
     !> A text as a terminal may have it: control characters, which could move its cursor or rename its window, and bytes that
     !> are no UTF-8 become visible, `\x1b`. Line ends stay if the text may have several lines.

@@ -3,7 +3,7 @@ module linkdyn_explain
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_failure, only: reach_in_words
     use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_explain_record, only: explain_record, in_words
     use linkdyn_constants, only: pi

@@ -17,7 +17,7 @@ module linkdyn_explain_matrix
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
-    public :: explain_matrix, explain_first_instant, write_system, system_type, build_system
+    public :: explain_first_instant
 
     integer, parameter :: label_len = 24, number_len = 12
     character(len=2), parameter :: component_name(6) = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]

@@ -1,7 +1,7 @@
 !> What a scene's records take, in words: operations of inverse dynamics from a motion to forces, and of forward dynamics from
 !> a state to accelerations, by kind.
 module linkdyn_explain_record
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_record, only: make_forward_rates
     use linkdyn_forward_state, only: state_layout, plan_layout

@@ -4,7 +4,7 @@ module linkdyn_dataset
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dataset_type, dataset_dimension, dataset_variable, dataset_attribute, sample_variable
+    public :: dataset_type, dataset_variable, sample_variable
     public :: add_dimension, add_reals, add_integers, add_texts, add_attribute, find_dimension, text_len
 
     integer, parameter :: item_len = 64

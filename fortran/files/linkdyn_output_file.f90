@@ -7,7 +7,7 @@ module linkdyn_output_file
     implicit none (type, external)
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
-    public :: write_text, close_text, finish_text, print_text
+    public :: write_text, finish_text, print_text
     public :: is_terminal, leave_process, remove_file
     public :: linkdyn_close_write    ! of c/, for other files that are open by descriptor
 

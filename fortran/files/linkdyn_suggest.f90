@@ -3,7 +3,7 @@ module linkdyn_suggest
     use linkdyn_text, only: lower_case, quoted
     implicit none (type, external)
     private
-    public :: suggestion, edit_distance
+    public :: suggestion
 
     !> What others call a thing, and what it is called here.
     character(len=14), parameter :: called(2, 110) = reshape([character(len=14) :: &

@@ -8,7 +8,7 @@
 !> Where a coordinate comes to its dead point, another joint variable is integrated in its place: the run goes on in
 !> another phase. Results are told in the user's coordinates all the same.
 module linkdyn_forward
-    use linkdyn_catalogue, only: result_joint_variable
+    use linkdyn_result_kinds, only: result_joint_variable
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_course, only: start_integrator, go_to
     use linkdyn_forward_phase, only: forward_options, plan_phase

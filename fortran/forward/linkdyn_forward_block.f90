@@ -3,11 +3,12 @@ module linkdyn_forward_block
     use linkdyn_block_results, only: put_into_block
     use linkdyn_forward, only: forward_results, forward_run, advance_forward
     use linkdyn_kinds, only: wp
-    use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, flag_unsound, view_motor_loads, &
-        result_time, result_q, result_qd, result_driving_force, result_driving_speed, result_driving_power, result_joint_rate, &
-        result_work, result_step, result_stand_in, result_transmission_force, result_brake_torque, result_controller_target, &
-        result_controller_error, result_controller_output, result_controller_limited, result_clutch_force, result_clutch_slip, &
-        result_clutch_state, result_cylinder_pressure, result_cylinder_flow, result_driving_force_error, result_reaction_error
+    use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, flag_unsound, view_motor_loads
+    use linkdyn_result_kinds, only: result_time, result_q, result_qd, result_driving_force, result_driving_speed, &
+        result_driving_power, result_joint_rate, result_work, result_step, result_stand_in, result_transmission_force, &
+        result_brake_torque, result_controller_target, result_controller_error, result_controller_output, &
+        result_controller_limited, result_clutch_force, result_clutch_slip, result_clutch_state, result_cylinder_pressure, &
+        result_cylinder_flow, result_driving_force_error, result_reaction_error
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private

@@ -19,7 +19,7 @@ module linkdyn_forward_phase
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
-    public :: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase, rates_by_record
+    public :: forward_options, phase_box, plan_phase, enter_phase, release_phase, rates_by_record
 
     type :: forward_options
         type(integrator_options) :: integrator

@@ -35,8 +35,8 @@ module linkdyn_forward_record
     use linkdyn_uncertainty, only: is_surely_certain
     implicit none (type, external)
     private
-    public :: forward_record, can_be_recorded, evaluations_before_record, evaluations_on_lanes, make_forward_rates, &
-        use_forward_rates, free_forward_record
+    public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, use_forward_rates, &
+        free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
         leave_doubtful, leave_far, keep_stages, apply_record_laws, measure_states, settle_record_losses, &
         is_led_there, accept_recorded

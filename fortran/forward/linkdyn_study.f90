@@ -4,7 +4,7 @@
 !> quadruple twin, or with the most careful result of our own.
 module linkdyn_study
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
         finish_forward, method_name, method_rk4, method_rk8pd, method_gbs

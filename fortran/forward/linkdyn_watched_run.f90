@@ -15,7 +15,8 @@ module linkdyn_watched_run
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_results, only: layout_type, variable_type, block_type, wanted_type, describe_results, prepare_block, &
-        variable_index, samples_width, dim_component, result_time, result_q, estimated, estimate_of
+        variable_index, samples_width, dim_component, estimated, estimate_of
+    use linkdyn_result_kinds, only: result_time, result_q
     use linkdyn_roads, only: road_counts
     use linkdyn_similar_model, only: make_similar
     use linkdyn_status, only: status_type

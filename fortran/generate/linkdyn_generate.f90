@@ -2,8 +2,8 @@
 module linkdyn_generate
     use linkdyn_c_files, only: controller_code, write_header, write_source
     use linkdyn_c_words, only: c_identifier
-    use linkdyn_catalogue, only: result_driving_force, result_reaction, result_joint_variable, result_joint_rate, result_qdd, &
-        result_position, result_rotation, result_velocity, result_angular_velocity
+    use linkdyn_result_kinds, only: result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
+        result_qdd, result_position, result_rotation, result_velocity, result_angular_velocity
     use linkdyn_code_fields, only: name_list, field_type, list_of_names, without_names, field, field_size, note_len, n_list, &
         of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes, of_place
     use linkdyn_closing_programs, only: out_determinant
@@ -24,8 +24,8 @@ module linkdyn_generate
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_recorded_forces, only: prepare_forces
     use linkdyn_representatives, only: representative_poses, need_poses
-    use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
-        dim_component, dim_variable
+    use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, &
+        dim_joint, dim_component, dim_variable
     use linkdyn_scene, only: scene_type, axes_link, drive_inverse, law_none, side_joint, n_stop, n_clutch, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join

@@ -3,8 +3,9 @@
 module linkdyn_kernel_check
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_assembly_trail, only: sample_assembly, place_sample
-    use linkdyn_catalogue, only: needs_equations, result_driving_force, result_qdd, result_joint_variable, &
-        result_velocity, result_angular_velocity
+    use linkdyn_catalogue, only: needs_equations
+    use linkdyn_result_kinds, only: result_driving_force, result_qdd, result_joint_variable, result_velocity, &
+        result_angular_velocity
     use linkdyn_constants, only: golden, two_pi
     use linkdyn_controller_kernel, only: controller_kernel, run_kernel
     use linkdyn_equations, only: equations_type

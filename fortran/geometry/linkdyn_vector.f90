@@ -5,7 +5,7 @@ module linkdyn_vector
     use linkdyn_value, only: value, constant, zero, one, is_zero, abs, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: vector, rotation, vector_of, zero_vector, unit_vector, identity_rotation, components, is_null, sum_of_magnitudes
+    public :: vector, rotation, vector_of, zero_vector, unit_vector, identity_rotation, components, sum_of_magnitudes
     public :: operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
 
     type :: vector

@@ -13,7 +13,7 @@ module linkdyn_certainty
     use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: closing_quality, n_quality
+    public :: closing_quality
 
     integer, parameter :: n_quality = 6        !! sine, reach, speed, gap, acceleration, gap of accelerations
 

@@ -18,7 +18,7 @@ module linkdyn_placing
     use linkdyn_vector, only: vector, vector_of, operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: run_step, place_links, place_group, closes_loop, list_step_constraints, step_joints, measure_slides
+    public :: run_step, place_links, place_group, closes_loop, list_step_constraints
 
 contains
 

@@ -1,7 +1,8 @@
 !> Results of inverse dynamics straight into a block of a layout.
 module linkdyn_block_results
     use linkdyn_inverse_results, only: inverse_results, is_of_inverse
-    use linkdyn_results, only: layout_type, block_type, samples_width, result_status, result_assembly
+    use linkdyn_results, only: layout_type, block_type, samples_width
+    use linkdyn_result_kinds, only: result_status, result_assembly
     implicit none (type, external)
     private
     public :: put_into_block

@@ -10,7 +10,7 @@
 module linkdyn_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_catalogue, only: result_reaction
+    use linkdyn_result_kinds, only: result_reaction
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
         want_of, solve_block, found_of, share_block, wanted_to_share
     use linkdyn_joint_table, only: is_slide

@@ -5,7 +5,7 @@
 module linkdyn_inverse
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, longest_stride, make_room, &
         place_sample, reached_straight
-    use linkdyn_catalogue, only: result_reaction, result_joint_variable, result_joint_rate
+    use linkdyn_result_kinds, only: result_reaction, result_joint_variable, result_joint_rate
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, &
         solver_gauss_jordan_plain, solver_name, choose_solver

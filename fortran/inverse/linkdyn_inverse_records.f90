@@ -4,7 +4,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_records
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_assembly_trail, only: judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
-    use linkdyn_catalogue, only: result_driving_force, result_power_imbalance, result_position, result_rotation
+    use linkdyn_result_kinds, only: result_driving_force, result_power_imbalance, result_position, result_rotation
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_equations, only: build_given_equations, free_equations
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, in_payload

@@ -2,12 +2,13 @@
 !> walks through the table; what one of them is need not be said again.
 module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_catalogue, only: n_results, result_qdd, result_driving_force, result_reaction, result_joint_variable, &
-        result_joint_rate, result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, &
-        result_closure, result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, &
-        result_friction_power, result_transmission_force, result_contact_force, result_pressure_angle, result_strand_force, &
-        result_rcond, result_error, result_growth, result_driving_force_error, result_reaction_error, result_singularity_distance, &
-        needs_equations
+    use linkdyn_catalogue, only: needs_equations
+    use linkdyn_result_kinds, only: n_results, result_qdd, result_driving_force, result_reaction, result_joint_variable, &
+        result_joint_rate, result_power_imbalance, result_transmission_angle, result_kinetic_energy, &
+        result_potential_energy, result_closure, result_position, result_rotation, result_driving_position, &
+        result_driving_speed, result_friction, result_friction_power, result_transmission_force, result_contact_force, &
+        result_pressure_angle, result_strand_force, result_rcond, result_error, result_growth, result_driving_force_error, &
+        result_reaction_error, result_singularity_distance
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_roads, only: road_counts

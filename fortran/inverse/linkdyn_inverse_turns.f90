@@ -1,6 +1,6 @@
 !> Turns of joint angles along a batch: at the mean of the rates from sample to sample, and where these do not tell, along the way.
 submodule (linkdyn_inverse) linkdyn_inverse_turns
-    use linkdyn_catalogue, only: result_joint_rate, result_joint_variable
+    use linkdyn_result_kinds, only: result_joint_rate, result_joint_variable
     use linkdyn_constants, only: two_pi
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_assembly_trail, only: begin_trail, reached_anew

@@ -4,8 +4,8 @@
 !> depend on which thread runs it, so the results do not either. A sample that fails is NaN.
 module linkdyn_lane_batch
     use linkdyn_assembly_trail, only: sample_assembly, place_sample
-    use linkdyn_catalogue, only: result_reaction, result_joint_push, result_qdd, result_rcond, result_singularity_distance, &
-        result_transmission_angle, result_driving_force_error, result_reaction_error
+    use linkdyn_result_kinds, only: result_reaction, result_joint_push, result_qdd, result_rcond, &
+        result_singularity_distance, result_transmission_angle, result_driving_force_error, result_reaction_error
     use linkdyn_closed_forms, only: transmission_angles
     use linkdyn_condition, only: eliminate_block, find_rcond
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads

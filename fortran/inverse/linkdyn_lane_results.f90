@@ -2,10 +2,10 @@
 module linkdyn_lane_results
     use linkdyn_belt_measures, only: measure_strands
     use linkdyn_cam_measures, only: measure_pressure_angles
-    use linkdyn_catalogue, only: result_driving_force, result_transmission_force, result_joint_variable, result_joint_rate, &
-        result_driving_position, result_driving_speed, result_rcond, result_error, result_growth, result_singularity_distance, &
-        result_qdd, result_kinetic_energy, result_potential_energy, result_closure, result_position, result_rotation, &
-        result_pressure_angle, result_strand_force
+    use linkdyn_result_kinds, only: result_driving_force, result_transmission_force, result_joint_variable, &
+        result_joint_rate, result_driving_position, result_driving_speed, result_rcond, result_error, result_growth, &
+        result_singularity_distance, result_qdd, result_kinetic_energy, result_potential_energy, result_closure, &
+        result_position, result_rotation, result_pressure_angle, result_strand_force
     use linkdyn_equations, only: equations_type, equation_workspace, found_of
     use linkdyn_inverse_results, only: inverse_results
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, joint_rate

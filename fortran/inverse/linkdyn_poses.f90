@@ -1,6 +1,6 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
-    use linkdyn_catalogue, only: result_position, result_rotation
+    use linkdyn_result_kinds, only: result_position, result_rotation
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, place_sample
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_solver, inverse_results, place_by_record

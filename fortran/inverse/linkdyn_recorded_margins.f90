@@ -1,6 +1,6 @@
 !> Margins by a record of the scene.
 module linkdyn_recorded_margins
-    use linkdyn_catalogue, only: result_margin, result_margin_rate
+    use linkdyn_result_kinds, only: result_margin, result_margin_rate
     use linkdyn_inputs, only: in_q, in_qd, in_branch, in_place
     use linkdyn_kinds, only: wp
     use linkdyn_margin_source, only: margin_source

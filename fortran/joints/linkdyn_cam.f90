@@ -17,7 +17,7 @@ module linkdyn_cam
     use linkdyn_vector, only: vector, zero_vector, operator(+), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: cam, cam_touch, pieces_of, take_follower
+    public :: cam, pieces_of, take_follower
 
     !> Where curve and follower touch, in the axes of the first marker.
     type :: cam_touch

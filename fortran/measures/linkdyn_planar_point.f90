@@ -6,7 +6,7 @@ module linkdyn_planar_point
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), perp
     implicit none (type, external)
     private
-    public :: carried, carry
+    public :: carried
 
 contains
 

@@ -7,7 +7,7 @@ module linkdyn_control_law
     use linkdyn_scene, only: controller_spec, windup_clamp, windup_back
     implicit none (type, external)
     private
-    public :: control_sight, control_memory, control_continuously, control_a_sample, nearest_step
+    public :: control_sight, control_memory, control_continuously, control_a_sample
 
     !> What a controller sees.
     type :: control_sight

@@ -17,11 +17,11 @@ module linkdyn_idle_spin
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
     use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_fixed, joint_planar, law_spec, law_none, law_constant, axes_link, frame_link, &
-        n_stop, n_clutch, measure_spec, measure_joint, measure_marker, measure_distance, measure_attitude, measure_tilt, &
+        joint_universal, joint_spherical, joint_fixed, joint_planar, frame_link, &
+        n_stop, n_clutch, measure_spec, measure_joint, measure_attitude, measure_tilt, &
         measure_twist, measure_turn, marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: quoted
     implicit none (type, external)
     private
     public :: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins, square_to
@@ -50,6 +50,16 @@ module linkdyn_idle_spin
     !> How far from exact what is written in a scene may be, as a part of the link's size, of its largest moment of inertia: coordinates
     !> of points worked out from angles have a dozen digits or so.
     real(wp), parameter :: exact = 1.0e-9_wp
+
+    interface
+        ! ---- linkdyn_spin_obstacles
+        !> What feels the spin of some links; empty: nothing.
+        module function why_spin_matters(model, spin) result(why)
+            type(model_type), intent(in) :: model
+            type(idle_spin), intent(in) :: spin
+            character(len=:), allocatable :: why
+        end function why_spin_matters
+    end interface
 
 contains
 
@@ -342,150 +352,6 @@ contains
             holds = any([of%ball, of%collar] == one%joint) .and. any(of%link == model%joint(one%joint)%link(one%side))
         end function holds
     end subroutine refuse_unheld
-
-    !> What feels the spin of some links; empty: nothing.
-    function why_spin_matters(model, spin) result(why)
-        type(model_type), intent(in) :: model
-        type(idle_spin), intent(in) :: spin
-        character(len=:), allocatable :: why
-        integer :: i, l, side
-
-        why = ""
-        do i = 1, size(spin%link)
-            l = spin%link(i)
-            associate (link => model%link(l))
-                if (distance_of(l, link%cog) > exact*size_of(l) .and. link%mass > 0) then
-                    why = "the centre of mass of "//quoted(link%name)//" is "//to_text(distance_of(l, link%cog))//" m off it"
-                    return
-                end if
-                if (.not. is_round(link%inertia, link%spin_axis)) then
-                    why = "the moments of inertia of "//quoted(link%name)//" across it are not the same in all directions"
-                    return
-                end if
-            end associate
-        end do
-        do i = 1, size(model%scene%load)
-            associate (load => model%scene%load(i))
-                if (all(spin%link /= load%link)) cycle
-                if (any([(is_there(load%moment(l)), l=1, 3)])) then
-                    why = "a load on "//quoted(load%name)//" has a moment"
-                else if (load%axes == axes_link .and. .not. is_along(load%force, model%link(load%link)%spin_axis)) then
-                    why = "a load on "//quoted(load%name)//" has a force across it that turns with the link"
-                else if (distance_of(load%link, model%scene%link(load%link)%marker(load%marker)%at) &
-                         > exact*size_of(load%link)) then
-                    why = "a load on "//quoted(load%name)//" acts off it"
-                else
-                    cycle
-                end if
-                return
-            end associate
-        end do
-        do i = 1, size(model%payload)
-            associate (payload => model%payload(i))
-                l = payload%link
-                if (all(spin%link /= l)) cycle
-                if (distance_of(l, payload%body%cog) <= exact*size_of(l) .and. all(payload%body%inertia == 0)) cycle
-                why = "the payload on "//quoted(payload%body%name)//" is no point on it"
-                return
-            end associate
-        end do
-        do i = 1, size(model%scene%friction)
-            associate (joint => model%joint(model%scene%friction(i)%joint))
-                if (any(spin%link == joint%link(1)) .eqv. any(spin%link == joint%link(2))) cycle
-                why = "friction at joint "//quoted(joint%name)//" holds it back"
-                return
-            end associate
-        end do
-        do i = 1, size(model%scene%spring)
-            associate (spring => model%scene%spring(i))
-                if (spring%joint > 0 .or. spring%measure > 0) cycle
-                do side = 1, 2
-                    l = spring%link(side)
-                    if (all(spin%link /= l)) cycle
-                    if (distance_of(l, model%scene%link(l)%marker(spring%marker(side))%at) <= exact*size_of(l)) cycle
-                    why = "spring "//quoted(spring%name)//" pulls on "//quoted(model%link(l)%name)//" off it"
-                    return
-                end do
-            end associate
-        end do
-        do i = 1, n_stop(model%scene)
-            l = pushed_off_line(model%scene%laws%measure(model%scene%stop(i)%measure))
-            if (l == frame_link) cycle
-            why = "stop "//quoted(model%scene%stop(i)%name)//" pushes "//quoted(model%link(l)%name)//" off it"
-            return
-        end do
-        do i = 1, n_clutch(model%scene)
-            if (model%scene%clutch(i)%is_bare) cycle   ! wheels and cams are led
-            l = pushed_off_line(model%scene%laws%measure(model%scene%clutch(i)%measure(1)))
-            if (l == frame_link) cycle
-            why = "clutch "//quoted(model%scene%event(model%scene%clutch(i)%event)%name)//" holds "//quoted(model%link(l)%name)// &
-                  " off it"
-            return
-        end do
-
-    contains
-
-        !> A link that spins and that forces along a measure push beside its line; the frame: none.
-        integer function pushed_off_line(measure) result(link)
-            type(measure_spec), intent(in) :: measure
-            integer :: side
-
-            do side = 1, 2
-                link = measure%link(side)
-                if (.not. any(measure%kind == [measure_marker, measure_distance]) .or. all(spin%link /= link)) cycle
-                if (distance_of(link, point_of(link, measure%marker(side))) > exact*size_of(link)) return
-            end do
-            link = frame_link
-        end function pushed_off_line
-
-        !> A marker of a link; 0: its origin.
-        pure function point_of(l, marker) result(point)
-            integer, intent(in) :: l, marker
-            real(wp) :: point(3)
-
-            point = 0
-            if (marker > 0) point = model%scene%link(l)%marker(marker)%at
-        end function point_of
-
-        pure real(wp) function distance_of(l, point)
-            integer, intent(in) :: l
-            real(wp), intent(in) :: point(3)
-
-            distance_of = distance_from(line_type(.true., model%link(l)%spin_point, model%link(l)%spin_axis), point)
-        end function distance_of
-
-        !> The largest coordinate of a link's joints, centre of mass or extension [m].
-        pure real(wp) function size_of(l)
-            integer, intent(in) :: l
-            integer :: k
-
-            size_of = maxval(abs(model%link(l)%cog))
-            do k = model%first_at(l), model%first_at(l + 1) - 1
-                associate (joint => model%joint(model%joint_at(k)))
-                    size_of = max(size_of, maxval(abs(joint%point(:, side_of(joint, l)))))
-                end associate
-            end do
-        end function size_of
-    end function why_spin_matters
-
-    !> May a law be other than zero?
-    pure logical function is_there(law)
-        type(law_spec), intent(in) :: law
-
-        is_there = law%kind /= law_none .and. .not. (law%kind == law_constant .and. .not. abs(law%value(1)) > 0)
-    end function is_there
-
-    !> Has a force in link axes components along an axis of the link only, and this is the axis?
-    pure logical function is_along(force, axis)
-        type(law_spec), intent(in) :: force(3)
-        real(wp), intent(in) :: axis(3)
-        integer :: k
-
-        is_along = .true.
-        do k = 1, 3
-            if (is_there(force(k))) is_along = is_along .and. 1 - abs(axis(k)) <= exact
-        end do
-    end function is_along
 
     !> Is an inertia that of a body of revolution about an axis?
     pure logical function is_round(inertia, axis)

@@ -1,5 +1,6 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
@@ -9,10 +10,10 @@ module linkdyn_model
         side_torque, side_voltage, side_opening
     implicit none (type, external)
     private
-    public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
+    public :: model_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
         led_type, loose_type
-    public :: motor_type, take_motors
-    public :: share_type, open_part_type, arm_type, driven_type
+    public :: take_motors
+    public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
     public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_rrr, step_rrp, step_rpr, step_prp, &
         step_ppr, step_group, step_parts, step_name
@@ -22,7 +23,7 @@ module linkdyn_model
         feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned, closes_by_gears
+    public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
@@ -64,7 +65,7 @@ module linkdyn_model
     integer, parameter :: by_nothing = 4     !! the first of both; or the nearest to joint variables of zero
     integer, parameter :: by_fit = 5         !! only so do joints fit that others hold already
     real(wp), parameter :: stride_part = 0.1_wp   !! stride of a coordinate: of a radian, or of the mechanism's size
-    real(wp), parameter :: most_turned = 2.88_wp  !! of an angle from its start whose turns nobody counts: 165 degrees [rad]
+    real(wp), parameter :: most_turned = 165*pi/180     !! of an angle from its start whose turns nobody counts [rad]
     integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured
 
     !> Constants of a moving link.

@@ -15,10 +15,10 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, arm_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, cylinder_spec, spring_spec, variable_spec, source_spec, &
-        source_shelf, n_chamber
+    public :: law_spec, table_spec, drive_spec, motor_spec, cylinder_spec, spring_spec, source_spec, source_shelf, &
+        n_chamber
     public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch, pulls_in_line
-    public :: base_spec, payload_spec, payload_changes, wants_instants
+    public :: payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical

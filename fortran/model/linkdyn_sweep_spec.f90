@@ -4,7 +4,7 @@ module linkdyn_sweep_spec
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: sweep_spec, axis_spec, parameter_spec, bound_spec, segment_spec, swing_spec
+    public :: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec
     public :: axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_parameter, axis_time
     public :: sampling_linspace, sampling_values, sampling_random, sampling_sobol, sampling_latin, sampling_name
     public :: set_value, multiply_by, add_to, operation_name
@@ -14,7 +14,6 @@ module linkdyn_sweep_spec
     public :: quantity_determinant, quantity_swing, quantity_clearance, quantity_motor_torque, quantity_motor_speed
     public :: quantity_contact_force, quantity_pressure_angle
     public :: quantity_motor_power, quantity_motor_current, quantity_torque_margin, n_quantity, quantity_name, needs_forces
-    public :: axis_name_len, usual_chunk
 
     integer, parameter :: axis_name_len = 128
     integer, parameter :: path_name_len = 256
@@ -60,16 +59,38 @@ module linkdyn_sweep_spec
     integer, parameter :: quantity_contact_force = 21      !! of cams, as the next
     integer, parameter :: quantity_pressure_angle = 22
     integer, parameter :: n_quantity = 22
-    character(len=20), parameter :: quantity_name(n_quantity) = [character(len=20) :: &
-        "driving_force", "driving_position", "driving_speed", "driving_power", "reaction", "reaction_force", &
-        "reaction_moment", "joint_variable", "joint_rate", "force_amplification", "moment_amplification", "condition", &
-        "determinant", "swing", "clearance", "motor_torque", "motor_speed", "motor_power", "motor_current", &
-        "torque_margin", &
-        "contact_force", "pressure_angle"]
-    !> The others follow from the position and velocity alone.
-    logical, parameter :: needs_forces(n_quantity) = [.true., .false., .false., .true., .true., .true., .true., &
-        .false., .false., .false., .false., .false., .false., .false., .false., .true., .true., .true., .true., .true., &
-        .true., .true.]
+
+    type :: quantity_kind
+        integer :: id = 0                         !! one of `quantity_*`
+        character(len=20) :: name = ""
+        logical :: needs_forces = .false.         !! else it follows from position and velocity alone
+    end type quantity_kind
+
+    type(quantity_kind), parameter :: kinds(n_quantity) = [ &
+        quantity_kind(quantity_driving_force, "driving_force", .true.), &
+        quantity_kind(quantity_driving_position, "driving_position", .false.), &
+        quantity_kind(quantity_driving_speed, "driving_speed", .false.), &
+        quantity_kind(quantity_driving_power, "driving_power", .true.), &
+        quantity_kind(quantity_reaction, "reaction", .true.), &
+        quantity_kind(quantity_reaction_force, "reaction_force", .true.), &
+        quantity_kind(quantity_reaction_moment, "reaction_moment", .true.), &
+        quantity_kind(quantity_joint_variable, "joint_variable", .false.), &
+        quantity_kind(quantity_joint_rate, "joint_rate", .false.), &
+        quantity_kind(quantity_force_amplification, "force_amplification", .false.), &
+        quantity_kind(quantity_moment_amplification, "moment_amplification", .false.), &
+        quantity_kind(quantity_condition, "condition", .false.), &
+        quantity_kind(quantity_determinant, "determinant", .false.), &
+        quantity_kind(quantity_swing, "swing", .false.), &
+        quantity_kind(quantity_clearance, "clearance", .false.), &
+        quantity_kind(quantity_motor_torque, "motor_torque", .true.), &
+        quantity_kind(quantity_motor_speed, "motor_speed", .true.), &
+        quantity_kind(quantity_motor_power, "motor_power", .true.), &
+        quantity_kind(quantity_motor_current, "motor_current", .true.), &
+        quantity_kind(quantity_torque_margin, "torque_margin", .true.), &
+        quantity_kind(quantity_contact_force, "contact_force", .true.), &
+        quantity_kind(quantity_pressure_angle, "pressure_angle", .true.)]
+    character(len=20), parameter :: quantity_name(n_quantity) = kinds%name
+    logical, parameter :: needs_forces(n_quantity) = kinds%needs_forces
 
     !> A number of the scene, or a list of them.
     type :: parameter_spec

@@ -5,7 +5,7 @@ module linkdyn_time_laws
     implicit none (type, external)
     private
     public :: owned_law, list_laws, laws_over_time
-    public :: part_motion, part_drive, part_clutch, part_controller, part_payload, part_frame, part_load, part_spring, part_event
+    public :: part_motion, part_drive, part_clutch, part_controller, part_payload, part_frame, part_load, part_event
 
     integer, parameter :: part_motion = 1, part_drive = 2, part_clutch = 3, part_controller = 4, part_payload = 5, part_frame = 6
     integer, parameter :: part_load = 7, part_spring = 8, part_event = 9

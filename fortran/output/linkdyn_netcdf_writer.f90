@@ -8,8 +8,9 @@ module linkdyn_netcdf_writer
     use linkdyn_event_log, only: event_log, kind_name
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
-    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, &
-        variable_index, result_time, dim_sample, n_dimension
+    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, variable_index, dim_sample, &
+        n_dimension
+    use linkdyn_result_kinds, only: result_time
     use linkdyn_status, only: status_type
     use netcdf, only: nf90_create, nf90_inq_dimid, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, &
         nf90_put_att, nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &

@@ -13,7 +13,6 @@ module linkdyn_c_body
     implicit none (type, external)
     private
     public :: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, is_handed, uses_operation, take_curves
-    public :: text_len
 
     integer, parameter :: text_len = 256
 

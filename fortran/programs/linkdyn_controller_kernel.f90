@@ -1,7 +1,7 @@
 !> Kernels that code is generated from: inverse dynamics, forward dynamics, kinematics. The same on every machine: multiply-adds
 !> are formed, and whoever compiles the code says what they become.
 module linkdyn_controller_kernel
-    use linkdyn_catalogue, only: result_qdd
+    use linkdyn_result_kinds, only: result_qdd
     use linkdyn_closing_programs, only: turning_each, trace_group_step, list_group_step
     use linkdyn_force_program, only: trace_forces, trace_redundancy, list_forces
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, n_block

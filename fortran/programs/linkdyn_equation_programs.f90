@@ -28,7 +28,7 @@ module linkdyn_equation_programs
     public :: equation_choice, written_equations, matrix_form, matrix_labels, as_lecture, sparsely, by_work, nothing_else
     public :: open_equations, close_equations, labels_of, make_matrix_program, make_solving_program, make_answer_program, &
         make_sliding_program, make_drive_program, make_motion_program, write_equations, has_columns, list_entries, fill_matrix
-    public :: out_matrix, out_solution, out_press, out_driven, out_powers, out_square, out_transmitted, out_drives, out_motion
+    public :: out_solution, out_press, out_driven, out_powers, out_square, out_transmitted, out_drives
 
     ! ---- ways to write equations down
     integer, parameter :: as_lecture = 1       !! six of each link, world axes, moments about its centre of mass

@@ -1,8 +1,8 @@
 !> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
 !> eliminations inside.
 module linkdyn_force_program
-    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force, result_margin, &
-        result_position, result_rotation
+    use linkdyn_catalogue, only: quantity_values, needs_equations
+    use linkdyn_result_kinds, only: result_reaction, result_contact_force, result_margin, result_position, result_rotation
     use linkdyn_fit_watch, only: watch_fit, watch_parting
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout

@@ -6,8 +6,8 @@ module linkdyn_straight_line
     use linkdyn_kernel, only: kernel_type
     implicit none (type, external)
     private
-    public :: straight_line, statement_type, operand_type, make_straight_line, part_of
-    public :: from_nothing, from_input, from_constant, from_statement
+    public :: straight_line, operand_type, make_straight_line, part_of
+    public :: from_input, from_constant, from_statement
 
     ! ---- what an operand is
     integer, parameter :: from_nothing = 0

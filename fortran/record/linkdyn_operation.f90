@@ -3,7 +3,7 @@ module linkdyn_operation
     use, intrinsic :: iso_fortran_env, only: real64, real128
     implicit none (type, external)
     private
-    public :: operate, operation_name, n_operand, n_operation, is_symmetric
+    public :: operate, operation_name, n_operand, n_operation
     public :: op_constant, op_input, op_unknown, op_add, op_subtract, op_multiply, op_reciprocal, op_root
     public :: op_sine, op_cosine, op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole
     public :: op_piece, op_nearest, op_farthest, is_look_up
@@ -33,9 +33,6 @@ module linkdyn_operation
         "add", "subtract", "multiply", "reciprocal", "root", "sine", "cosine", "arctangent", "minimum", "maximum", &
         "absolute", "select", "whole", "piece", "nearest", "farthest"]
     integer, parameter :: n_operand(n_operation) = [0, 0, 0, 2, 2, 2, 1, 1, 1, 1, 2, 2, 2, 1, 3, 1, 1, 2, 2]
-    logical, parameter :: is_symmetric(n_operation) = &
-        [.false., .false., .false., .true., .false., .true., .false., .false., .false., .false., .false., .false., &
-         .false., .false., .false., .false., .false., .false., .false.]    !! may operands change places?
 
     !> Result of an operation on numbers; operands that it does not take are ignored.
     interface operate

@@ -11,7 +11,7 @@ module linkdyn_system
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: system_type, unknown, require, solve, take_solution, solved, find_places, list_rows
+    public :: system_type, unknown, require, solve, take_solution, solved, list_rows
 
     !> Equations of one open record.
     type :: system_type

@@ -22,7 +22,7 @@ module linkdyn_expression
     use linkdyn_units, only: n_dimension, counts_turns, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit, two_units
     implicit none (type, external)
     private
-    public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters, deepest
+    public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters
 
     !> Brackets, signs, exponents and names inside each other: few enough for the smallest stack of a thread.
     integer, parameter :: deepest = 100

@@ -18,8 +18,7 @@ module linkdyn_scene_parameters
     use linkdyn_expression, only: measured_value
     implicit none (type, external)
     private
-    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers, &
-        added_unit, add_unit
+    public :: varied_numbers, check_parameter, find_numbers, vary_numbers, added_unit, add_unit
 
     integer, parameter :: key_len = 256
 

@@ -13,7 +13,7 @@ module linkdyn_scene_variant
     use linkdyn_toml, only: toml_document, free_toml
     implicit none (type, external)
     private
-    public :: scene_variants, variants_of
+    public :: variants_of
 
     !> A document, used by one thread at a time.
     type :: shelf_document

@@ -8,7 +8,7 @@ module linkdyn_sampling
     use linkdyn_mix, only: counter_bits, counter_uniform
     implicit none (type, external)
     private
-    public :: sobol_directions, sobol_point, latin_point, random_point, most_sobol_dimensions, n_sobol_bit
+    public :: sobol_directions, sobol_point, latin_point, random_point, most_sobol_dimensions
 
     integer, parameter :: most_sobol_dimensions = 32
     integer, parameter :: n_sobol_bit = 52           !! of a point, and of the numbers of points

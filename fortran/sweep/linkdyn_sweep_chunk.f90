@@ -6,8 +6,9 @@
 module linkdyn_sweep_chunk
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_catalogue, only: result_contact_force, result_driving_force, result_driving_position, result_driving_speed, &
-        result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, result_transmission_force
+    use linkdyn_result_kinds, only: result_contact_force, result_driving_force, result_driving_position, &
+        result_driving_speed, result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, &
+        result_transmission_force
     use linkdyn_finite, only: all_are_finite
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared, part_of_results

@@ -1,8 +1,9 @@
 !> One design of a sweep, planned, with the scratch of one thread.
 module linkdyn_sweep_design
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_catalogue, only: result_contact_force, result_driving_force, result_driving_position, result_driving_speed, &
-        result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, result_transmission_force
+    use linkdyn_result_kinds, only: result_contact_force, result_driving_force, result_driving_position, &
+        result_driving_speed, result_joint_rate, result_joint_variable, result_pressure_angle, result_reaction, &
+        result_transmission_force
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse
     use linkdyn_kinds, only: wp

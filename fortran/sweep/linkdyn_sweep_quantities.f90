@@ -1,5 +1,9 @@
 !> The scalars of one sample that a sweep reduces, in one row: which quantities, how many entries each, of what unit.
 module linkdyn_sweep_quantities
+    use linkdyn_result_kinds, only: result_words, result_words_len, result_driving_force, result_driving_position, &
+        result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, &
+        result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, result_torque_margin, &
+        result_contact_force, result_pressure_angle
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_actuator, dim_joint, &
         dim_component, dim_variable, dim_motor, dim_cam
     use linkdyn_scene, only: scene_type, joint_universal, joint_spherical
@@ -25,7 +29,7 @@ module linkdyn_sweep_quantities
         integer :: size(2) = 1
         character(len=2*label_len), allocatable :: label(:)  !! (n) "leg1.P", "leg1.S Fx"
         character(len=unit_len), allocatable :: unit(:)   !! (n)
-        character(len=96) :: long_name = ""
+        character(len=result_words_len) :: long_name = ""
     end type quantity_type
 
     !> All quantities of a sweep.
@@ -54,16 +58,16 @@ contains
             select case (id)
             case (quantity_driving_force)
                 call take("actuator", actuator%label, actuator%unit)
-                quantity%long_name = "driving force or torque, positive when it drives the joint variable up"
+                quantity%long_name = result_words(result_driving_force)
             case (quantity_driving_position)
                 call take("actuator", actuator%label, variable%unit(layout%actuator_variable))
-                quantity%long_name = "driven joint variable"
+                quantity%long_name = result_words(result_driving_position)
             case (quantity_driving_speed)
                 call take("actuator", actuator%label, per_second(variable%unit(layout%actuator_variable)))
-                quantity%long_name = "rate of the driven joint variable"
+                quantity%long_name = result_words(result_driving_speed)
             case (quantity_driving_power)
                 call take("actuator", actuator%label, spread("W       ", 1, actuator%size))
-                quantity%long_name = "power that the actuator puts in"
+                quantity%long_name = result_words(result_driving_power)
             case (quantity_reaction)
                 quantity%n_dim = 2
                 quantity%dim = [character(len=12) :: "joint", "component"]
@@ -75,7 +79,7 @@ contains
                         quantity%unit((k - 1)*component%size + i) = component%unit(i)
                     end do
                 end do
-                quantity%long_name = "wrench of the first link of the joint on the second, at the joint point, world axes"
+                quantity%long_name = result_words(result_reaction)
             case (quantity_reaction_force)
                 call take("joint", joint%label, spread("N       ", 1, joint%size))
                 quantity%long_name = "magnitude of the force in the joint"
@@ -84,10 +88,10 @@ contains
                 quantity%long_name = "magnitude of the moment in the joint"
             case (quantity_joint_variable)
                 call take("variable", variable%label, variable%unit)
-                quantity%long_name = "joint variables"
+                quantity%long_name = result_words(result_joint_variable)
             case (quantity_joint_rate)
                 call take("variable", variable%label, per_second(variable%unit))
-                quantity%long_name = "rates of the joint variables"
+                quantity%long_name = result_words(result_joint_rate)
             case (quantity_force_amplification)
                 call take("actuator", actuator%label, ratio(actuator%unit, "N"))
                 quantity%long_name = "largest driving force over all unit forces on the tool"
@@ -105,25 +109,25 @@ contains
                 quantity%long_name = "angle of the leg from its neutral direction"
             case (quantity_motor_torque)
                 call take("motor", motor%label, spread("N m     ", 1, motor%size))
-                quantity%long_name = "torque of the motor"
+                quantity%long_name = result_words(result_motor_torque)
             case (quantity_motor_speed)
                 call take("motor", motor%label, spread("rad/s   ", 1, motor%size))
-                quantity%long_name = "speed of the motor"
+                quantity%long_name = result_words(result_motor_speed)
             case (quantity_motor_power)
                 call take("motor", motor%label, spread("W       ", 1, motor%size))
-                quantity%long_name = "power of the motor at its shaft"
+                quantity%long_name = result_words(result_motor_power)
             case (quantity_motor_current)
                 call take("motor", motor%label, spread("A       ", 1, motor%size))
-                quantity%long_name = "current of the motor"
+                quantity%long_name = result_words(result_motor_current)
             case (quantity_torque_margin)
                 call take("motor", motor%label, spread("N m     ", 1, motor%size))
-                quantity%long_name = "what the motor has beyond its torque"
+                quantity%long_name = result_words(result_torque_margin)
             case (quantity_contact_force)
                 call take("cam", layout%dimension(dim_cam)%label, spread("N       ", 1, layout%dimension(dim_cam)%size))
-                quantity%long_name = "normal force with which follower and cam press; below zero the follower would lift"
+                quantity%long_name = result_words(result_contact_force)
             case (quantity_pressure_angle)
                 call take("cam", layout%dimension(dim_cam)%label, spread("rad     ", 1, layout%dimension(dim_cam)%size))
-                quantity%long_name = "angle between the normal and the way of the follower in its guide"
+                quantity%long_name = result_words(result_pressure_angle)
             case (quantity_clearance)
                 call take_scalar("m")
                 quantity%long_name = "smallest gap between legs"

@@ -6,6 +6,7 @@
 module linkdyn_sweep_rounds
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_checkpoint, only: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
+    use linkdyn_clock, only: seconds_since
     use linkdyn_file_lock, only: file_lock, take_lock, release_lock
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -339,12 +340,4 @@ contains
         call group%receive(owner, flat, nothing)
         records = reshape(flat, shape(records))
     end subroutine receive_records
-
-    real(wp) function seconds_since(start)
-        integer(int64), intent(in) :: start                !! count of the system clock
-        integer(int64) :: now, rate
-
-        call system_clock(now, rate)
-        seconds_since = real(now - start, wp)/real(rate, wp)
-    end function seconds_since
 end module linkdyn_sweep_rounds

@@ -1,6 +1,6 @@
 !> Forward dynamics as equations: what inverse dynamics asks for, given back, must return the motion.
 module test_accelerations
-    use linkdyn_catalogue, only: result_closure, result_driving_force, result_joint_rate, result_joint_variable, &
+    use linkdyn_result_kinds, only: result_closure, result_driving_force, result_joint_rate, result_joint_variable, &
         result_power_imbalance, result_qdd, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: two_pi

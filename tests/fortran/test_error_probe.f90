@@ -1,7 +1,7 @@
 !> Error estimates: similar mechanisms have similar forces, estimates hold the solvers' differences, dead points say so.
 module test_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-    use linkdyn_catalogue, only: result_driving_force, result_driving_force_error, result_error, result_reaction, &
+    use linkdyn_result_kinds, only: result_driving_force, result_driving_force_error, result_error, result_reaction, &
         result_reaction_error
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_lapack, solver_elimination, &

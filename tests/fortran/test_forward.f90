@@ -1,6 +1,6 @@
 !> Forward runs against motions that are known: the scene's own, driven by what inverse dynamics asks for.
 module test_forward
-    use linkdyn_catalogue, only: result_closure, result_kinetic_energy, result_potential_energy, result_power_imbalance
+    use linkdyn_result_kinds, only: result_closure, result_kinetic_energy, result_potential_energy, result_power_imbalance
     use linkdyn_builder, only: build_model
     use linkdyn_ensemble, only: run_ensemble
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &

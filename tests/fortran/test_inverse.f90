@@ -1,7 +1,7 @@
 !> Inverse dynamics of batches: four solvers, Newton-Euler of every link, power, threads, failed and singular samples.
 module test_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_is_finite, ieee_value, ieee_quiet_nan
-    use linkdyn_catalogue, only: result_driving_force, result_error, result_growth, result_joint_rate, &
+    use linkdyn_result_kinds, only: result_driving_force, result_error, result_growth, result_joint_rate, &
         result_joint_variable, result_power_imbalance, result_rcond, result_reaction
     use linkdyn_alike_models, only: describe_alike
     use linkdyn_builder, only: build_model

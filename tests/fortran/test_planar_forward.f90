@@ -1,6 +1,6 @@
 !> Forward runs in the plane, against motions that are known by other roads.
 module test_planar_forward
-    use linkdyn_catalogue, only: result_closure, result_kinetic_energy, result_potential_energy
+    use linkdyn_result_kinds, only: result_closure, result_kinetic_energy, result_potential_energy
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: pi
     use linkdyn_ensemble, only: run_ensemble

@@ -1,7 +1,7 @@
 !> Planar inverse dynamics: published reactions, agreement of the solvers, power, assembly along a motion, refusals.
 module test_planar_inverse
     use, intrinsic :: iso_fortran_env, only: real64
-    use linkdyn_catalogue, only: result_driving_force, result_power_imbalance, result_reaction
+    use linkdyn_result_kinds, only: result_driving_force, result_power_imbalance, result_reaction
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &

@@ -2,7 +2,7 @@
 !> in any axes, on groups closed by iteration, near dead points; and what a record leaves out.
 module test_recorded_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_catalogue, only: result_closure, result_contact_force, result_driving_force, result_joint_rate, &
+    use linkdyn_result_kinds, only: result_closure, result_contact_force, result_driving_force, result_joint_rate, &
         result_joint_variable, result_kinetic_energy, result_position, result_potential_energy, result_power_imbalance, &
         result_pressure_angle, result_reaction, result_rotation, result_transmission_angle
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, judges_like_lanes, reached_crossing
