@@ -12,7 +12,7 @@ module linkdyn_similar_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length, effort_power
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        law_harmonic, motor_spec, cylinder_spec, n_clutch
+        at_force, at_stiffness, at_damping, at_rest, at_torque_constant, law_harmonic, motor_spec, cylinder_spec, n_clutch
     use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
     private
@@ -289,17 +289,17 @@ contains
         position_scale = merge(scale, 1.0_wp, is_sliding)
         select case (drive%kind)
         case (drive_constant)
-            drive%value(1) = force_scale*near_one(key)*drive%value(1)
+            drive%value(at_force) = force_scale*near_one(key)*drive%value(at_force)
         case (drive_table)
             call scale_law(force_scale, key, drive%target)
         case (drive_spring_damper)
-            drive%value(:2) = stiffness_scale*drive%value(:2)
-            drive%value(3) = position_scale*drive%value(3)
+            drive%value([at_stiffness, at_damping]) = stiffness_scale*drive%value([at_stiffness, at_damping])
+            drive%value(at_rest) = position_scale*drive%value(at_rest)
         case (drive_dc_motor)
-            drive%value(3) = stiffness_scale*drive%value(3)    ! the torque of a current
+            drive%value(at_torque_constant) = stiffness_scale*drive%value(at_torque_constant)
             call scale_law(position_scale, key, drive%target)
         case (drive_pd)
-            drive%value(:2) = stiffness_scale*drive%value(:2)
+            drive%value([at_stiffness, at_damping]) = stiffness_scale*drive%value([at_stiffness, at_damping])
             call scale_law(position_scale, key, drive%target)
         end select
     end subroutine scale_drive

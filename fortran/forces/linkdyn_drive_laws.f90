@@ -5,7 +5,8 @@ module linkdyn_drive_laws
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, drive_numbers
     use linkdyn_scene, only: drive_spec, drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, &
-        drive_pd, drive_over, drive_controlled, side_joint
+        drive_pd, drive_over, drive_controlled, side_joint, at_force, at_stiffness, at_damping, at_rest, at_ratio, at_efficiency, &
+        at_torque_constant, at_voltage_constant, at_gain, at_resistance
     use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/)
     implicit none (type, external)
     private
@@ -29,20 +30,21 @@ contains
             end if
             select case (actuator%drive%kind)
             case (drive_spring_damper)
-                position = variable_near(mechanism, actuator%joint, actuator%variable, k(3))
+                position = variable_near(mechanism, actuator%joint, actuator%variable, k(at_rest))
                 rate = variable_rate(mechanism, actuator%joint, actuator%variable)
-                effort = -(k(1)*(position - k(3)) + k(2)*rate)
+                effort = -(k(at_stiffness)*(position - k(at_rest)) + k(at_damping)*rate)
             case (drive_dc_motor)
                 ! behind a reducer, under position feedback; the lecture: tau = n eta K_T (K_P lag - K_E n rate)/R_a
                 position = variable_near(mechanism, actuator%joint, actuator%variable, target)
                 rate = variable_rate(mechanism, actuator%joint, actuator%variable)
-                effort = (k(1)*k(2)*k(3)/k(6))*(k(5)*(target - position) - (k(4)*k(1))*rate)
+                effort = (k(at_ratio)*k(at_efficiency)*k(at_torque_constant)/k(at_resistance)) &
+                         *(k(at_gain)*(target - position) - (k(at_voltage_constant)*k(at_ratio))*rate)
             case (drive_pd)
                 position = variable_near(mechanism, actuator%joint, actuator%variable, target)
                 rate = variable_rate(mechanism, actuator%joint, actuator%variable)
-                effort = k(1)*(target - position) + k(2)*(target_rate - rate)
+                effort = k(at_stiffness)*(target - position) + k(at_damping)*(target_rate - rate)
             case (drive_constant)
-                effort = k(1)
+                effort = k(at_force)
             case default
                 effort = target
             end select

@@ -37,6 +37,8 @@ module linkdyn_scene
     public :: pose_position, pose_attitude, is_pose_part
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over, &
         drive_controlled
+    public :: at_force, at_stiffness, at_damping, at_rest, at_ratio, at_efficiency, at_torque_constant, at_voltage_constant, &
+        at_gain, at_resistance
     public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
     public :: windup_none, windup_clamp, windup_back
     public :: side_joint, side_torque, side_voltage, side_opening, is_at_motor, has_limits
@@ -104,6 +106,13 @@ module linkdyn_scene
     integer, parameter :: drive_pd = 6
     integer, parameter :: drive_over = 7           !! a law over the state of the mechanism
     integer, parameter :: drive_controlled = 9     !! the output of a controller (8 is a word of scene files alone)
+
+    ! ---- numbers of these laws, places in `drive_spec%value`
+    integer, parameter :: at_force = 1             !! constant [N, N m]
+    integer, parameter :: at_stiffness = 1, at_damping = 2, at_rest = 3   !! spring-damper and pd, which has no rest
+    !> dc-motor: ratio n and efficiency eta of the gear, K_T [N m/A], K_E [V s], K_P [V/rad, V/m], resistance R_a [ohm]
+    integer, parameter :: at_ratio = 1, at_efficiency = 2, at_torque_constant = 3, at_voltage_constant = 4, at_gain = 5, &
+        at_resistance = 6
 
     ! ---- what a controller puts out beside what its error asks for
     integer, parameter :: feed_none = 0
@@ -271,7 +280,7 @@ module linkdyn_scene
     type :: drive_spec
         integer :: kind = drive_inverse
         integer :: side = side_joint              !! one of `side_*`
-        real(wp) :: value(8) = 0                  !! constant: force. spring-damper: stiffness, damping, rest. dc-motor: n eta K_T K_E K_P R_a. pd: stiffness, damping
+        real(wp) :: value(8) = 0                  !! its numbers, at the places `at_*`
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
 

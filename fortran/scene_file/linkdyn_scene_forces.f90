@@ -6,7 +6,8 @@ module linkdyn_scene_forces
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
         drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_torque, &
-        side_voltage, side_opening, is_at_motor, has_limits, name_len
+        side_voltage, side_opening, is_at_motor, has_limits, name_len, at_force, at_stiffness, at_damping, at_rest, at_ratio, &
+        at_efficiency, at_torque_constant, at_voltage_constant, at_gain, at_resistance
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, &
@@ -214,7 +215,7 @@ contains
                 call allow_keys(inner, [character(len=4) :: "type"], status)
             case (drive_constant)
                 call allow_keys(inner, [character(len=5) :: "type", "value", "at"], status)
-                call get_quantity(inner, "value", effort, drive%value(1), status)
+                call get_quantity(inner, "value", effort, drive%value(at_force), status)
             case (drive_table)
                 call read_driving_table(place, node, inner, effort, actuator%name, shelf, drive, status)
             case (drive_over)
@@ -232,16 +233,16 @@ contains
                 call read_driving_formula(inner, valve_opening, shelf, drive, status)
             case (drive_spring_damper)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
-                call read_stiffness(inner, is_angle, drive%value(1:2), status)
-                call get_quantity(inner, "rest", position, drive%value(3), status, found)
+                call read_stiffness(inner, is_angle, drive%value(at_stiffness:at_damping), status)
+                call get_quantity(inner, "rest", position, drive%value(at_rest), status, found)
                 call refuse_rest_of_none(inner, status)
             case (drive_dc_motor)
                 call allow_keys(inner, [character(len=6) :: "type", "n", "eta", "K_T", "K_E", "K_P", "R_a", "target"], status)
-                call read_motor(inner, is_angle, drive%value(1:6), status)
+                call read_motor(inner, is_angle, drive%value, status)
                 call read_target(inner, position, actuator%name, shelf, drive%target, status)
             case (drive_pd)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "target"], status)
-                call read_stiffness(inner, is_angle, drive%value(1:2), status)
+                call read_stiffness(inner, is_angle, drive%value(at_stiffness:at_damping), status)
                 call read_target(inner, position, actuator%name, shelf, drive%target, status)
             end select
         end associate
@@ -306,7 +307,7 @@ contains
         if (.not. status%is_ok() .or. drive%target%kind == law_over) return
         if (drive%target%kind == law_constant) then
             drive%kind = drive_constant
-            drive%value(1) = drive%target%value(1)
+            drive%value(at_force) = drive%target%value(1)
         else
             drive%kind = drive_table
         end if
@@ -334,7 +335,7 @@ contains
     subroutine read_motor(place, is_angle, value, status)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: is_angle                !! the joint turns
-        real(wp), intent(inout) :: value(6)            !! n eta K_T K_E K_P R_a
+        real(wp), intent(inout) :: value(:)            !! at the places of a dc-motor's numbers
         type(status_type), intent(inout) :: status
         type(quantity_type) :: ratio, gain
 
@@ -344,18 +345,18 @@ contains
             ratio = quantity_type("a ratio in radians per metre", "3000 rad/m", "rad/m", [0, -1, 0, 0, 1])
             gain = volt_per_length
         end if
-        call get_quantity(place, "n", ratio, value(1), status)
-        call get_quantity(place, "eta", plain_number, value(2), status)
-        call get_quantity(place, "K_T", torque_per_current, value(3), status)
-        call get_quantity(place, "K_E", volt_second, value(4), status)
-        call get_quantity(place, "K_P", gain, value(5), status)
-        call get_quantity(place, "R_a", resistance, value(6), status)
-        call require_positive(place, "n", value(1), "", status)
-        call require_positive(place, "eta", value(2), "", status)
-        if (status%is_ok() .and. value(2) > 1) call refuse_value(place, "eta", place%node%get("eta"), &
-            "= "//to_text(value(2))//" (expected an efficiency of at most 1)", status)
-        call require_positive(place, "K_T", value(3), "N m/A", status)
-        call require_positive(place, "R_a", value(6), "ohm", status)
+        call get_quantity(place, "n", ratio, value(at_ratio), status)
+        call get_quantity(place, "eta", plain_number, value(at_efficiency), status)
+        call get_quantity(place, "K_T", torque_per_current, value(at_torque_constant), status)
+        call get_quantity(place, "K_E", volt_second, value(at_voltage_constant), status)
+        call get_quantity(place, "K_P", gain, value(at_gain), status)
+        call get_quantity(place, "R_a", resistance, value(at_resistance), status)
+        call require_positive(place, "n", value(at_ratio), "", status)
+        call require_positive(place, "eta", value(at_efficiency), "", status)
+        if (status%is_ok() .and. value(at_efficiency) > 1) call refuse_value(place, "eta", place%node%get("eta"), &
+            "= "//to_text(value(at_efficiency))//" (expected an efficiency of at most 1)", status)
+        call require_positive(place, "K_T", value(at_torque_constant), "N m/A", status)
+        call require_positive(place, "R_a", value(at_resistance), "ohm", status)
     end subroutine read_motor
 
     !> stiffness and damping, each zero if left out, but not both unless there is another force, of the key `force`.

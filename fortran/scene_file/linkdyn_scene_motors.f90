@@ -4,7 +4,7 @@ module linkdyn_scene_motors
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_kind_name, drive_dc_motor, side_joint, side_voltage
+        joint_kind_name, drive_dc_motor, side_joint, side_voltage, at_ratio, at_efficiency
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
@@ -222,10 +222,10 @@ contains
         real(wp), parameter :: close = 1.0e-12_wp
 
         associate (law => actuator%drive%value, motor => actuator%motor)
-            if (abs(law(1) - motor%ratio) > close*abs(law(1))) then
-                call refuse(place, "its ratio "//to_text(motor%ratio)//" is not n = "//to_text(law(1))// &
+            if (abs(law(at_ratio) - motor%ratio) > close*abs(law(at_ratio))) then
+                call refuse(place, "its ratio "//to_text(motor%ratio)//" is not n = "//to_text(law(at_ratio))// &
                     " of the law dc-motor (expected the same)", status)
-            else if (law(2) < 1 .or. motor%efficiency < 1 .or. has_back) then
+            else if (law(at_efficiency) < 1 .or. motor%efficiency < 1 .or. has_back) then
                 call refuse(place, "the law dc-motor beside it is of a gear without losses (expected eta = 1 there, "// &
                     "and no efficiency here)", status)
             end if
