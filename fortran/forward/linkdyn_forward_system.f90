@@ -49,7 +49,7 @@ module linkdyn_forward_system
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
-        forget_forces, find_motion_forces, free_motion_forces
+        forget_forces, find_motion_forces, leave_motion_record, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
     use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
@@ -614,6 +614,7 @@ contains
         self%guards_differ = .false.
         call free_looks(self%looks)
         call leave_drives(self%drives)
+        call leave_motion_record(self%of_motion)
         call leave_programs(self%shared)
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.

@@ -30,7 +30,7 @@ module linkdyn_motion_forces
     implicit none (type, external)
     private
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, forget_forces, &
-        find_motion_forces, record_motion_forces, is_motion_of, &
+        find_motion_forces, record_motion_forces, leave_motion_record, is_motion_of, &
         free_motion_forces, measure_motion
 
     type :: motion_forces
@@ -271,6 +271,15 @@ contains
         if (is_new .and. recorded%is_usable) recorded%is_usable = agrees_with_lanes(t, poses%q, forces)
         forces%has_record = recorded%is_usable
     end subroutine record_motion_forces
+
+    !> On lanes from now on, until `record_motion_forces`: the record's programs may end.
+    subroutine leave_motion_record(forces)
+        type(motion_forces), intent(inout) :: forces
+
+        call free_forward_record(forces%record)
+        forces%has_record = .false.
+        forces%is_by_record = .false.
+    end subroutine leave_motion_record
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect, and the
     !> lanes are believed.
