@@ -1,6 +1,6 @@
 !> What the actuators do in forward dynamics, on lanes: driving forces from time and from the motion of their joints.
 module linkdyn_evaluated_drives
-    use linkdyn_drive_laws, only: compares_motion
+    use linkdyn_effort_laws, only: compares_motion
     use linkdyn_drives, only: law_on_lanes, effort_scale
     use linkdyn_equation_programs, only: out_drives
     use linkdyn_given_numbers, only: prepare_numbers, take_coordinates
@@ -10,7 +10,7 @@ module linkdyn_evaluated_drives
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_constant, drive_table, drive_dc_motor, drive_pd, drive_over
+    use linkdyn_scene, only: effort_constant, effort_table, effort_dc_motor, effort_pd, effort_over
     use linkdyn_shared_programs, only: shared_programs, drives_of, free_drive_kernel, make_drive_kernel
     implicit none (type, external)
     private
@@ -43,24 +43,24 @@ contains
 
         target = 0
         do i = 1, model%n_actuator
-            associate (drive => model%scene%actuator(i)%drive)
-                if (is_wanted(i) .and. any(drive%kind == [drive_table, drive_dc_motor, drive_pd])) &
+            associate (drive => model%scene%actuator(i)%law)
+                if (is_wanted(i) .and. any(drive%kind == [effort_table, effort_dc_motor, effort_pd])) &
                     call law_on_lanes(drive%target, t, target(:, 1, i), target(:, 2, i), rate2)
             end associate
         end do
-        if (any(is_wanted .and. compares_motion(model%scene%actuator%drive))) &
+        if (any(is_wanted .and. compares_motion(model%scene%actuator%law))) &
             call compare_motion(model, target, n_used, state, shared, drives)
         do i = 1, model%n_actuator
             if (.not. is_wanted(i)) cycle
-            associate (drive => model%scene%actuator(i)%drive)
+            associate (drive => model%scene%actuator(i)%law)
                 force(:, i) = 0
                 if (compares_motion(drive)) then
                     force(:, i) = drives%space%found(:, first_output(drives%lane, out_drives) + i - 1)
-                else if (drive%kind == drive_constant) then
+                else if (drive%kind == effort_constant) then
                     force(:, i) = drive%value(1)
-                else if (drive%kind == drive_table) then
+                else if (drive%kind == effort_table) then
                     force(:, i) = target(:, 1, i)
-                else if (drive%kind == drive_over) then
+                else if (drive%kind == effort_over) then
                     force(:, i) = state%law(:, drive%target%law)*effort_scale(model, i)
                 end if
             end associate

@@ -29,7 +29,7 @@ contains
     elemental logical function has_winding(actuator)
         type(actuator_spec), intent(in) :: actuator
 
-        has_winding = actuator%drive%side == side_voltage .and. actuator%motor%inductance > 0
+        has_winding = actuator%law%side == side_voltage .and. actuator%motor%inductance > 0
     end function has_winding
 
     !> What of the voltage resistance and turning rotor leave makes the current grow. Where that would lead it past what limits leave of

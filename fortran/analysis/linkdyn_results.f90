@@ -283,7 +283,7 @@ contains
             case ("clutch")
                 if (n_clutch(scene) == 0) call refuse("the scene has no clutch")
             case ("cylinder")
-                if (.not. any(scene%actuator%drive%side == side_opening)) &
+                if (.not. any(scene%actuator%law%side == side_opening)) &
                     call refuse("no valve of a cylinder has a law or a controller")
             end select
         end do
@@ -316,7 +316,7 @@ contains
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
-            .and. scene%actuator(layout%motor_actuator)%drive%side /= side_joint
+            .and. scene%actuator(layout%motor_actuator)%law%side /= side_joint
         call describe_components(scene, layout)
         call describe_coordinates(scene, layout)
         allocate (layout%dimension(dim_dyad)%label(0))
@@ -569,7 +569,7 @@ contains
         type(layout_type), intent(inout) :: layout
 
         associate (of => layout%dimension(dim_cylinder), chamber => layout%dimension(dim_chamber))
-            of%label = pack(layout%dimension(dim_actuator)%label, scene%actuator%drive%side == side_opening)
+            of%label = pack(layout%dimension(dim_actuator)%label, scene%actuator%law%side == side_opening)
             of%size = size(of%label)
             chamber%size = n_chamber
             chamber%label = [character(len=label_len) :: "head", "rod"]

@@ -339,7 +339,7 @@ contains
             call number_course(scene%coordinate(i)%motion)
         end do
         do i = 1, size(scene%actuator)
-            call number_course(scene%actuator(i)%drive%target)
+            call number_course(scene%actuator(i)%law%target)
         end do
         do i = 1, size(scene%base%motion)
             call number_course(scene%base%motion(i))

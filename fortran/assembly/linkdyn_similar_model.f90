@@ -11,8 +11,9 @@ module linkdyn_similar_model
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length, effort_power
-    use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        at_force, at_stiffness, at_damping, at_rest, at_torque_constant, law_harmonic, motor_spec, cylinder_spec, n_clutch
+    use linkdyn_scene, only: law_spec, effort_law, effort_constant, effort_table, effort_spring_damper, effort_dc_motor, &
+        effort_pd, at_force, at_stiffness, at_damping, at_rest, at_torque_constant, law_harmonic, motor_spec, &
+        cylinder_spec, n_clutch
     use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
     private
@@ -127,7 +128,7 @@ contains
         end do
         do i = 1, model%n_actuator
             call scale_drive(scale**effort_power(model, i), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
-                             similar%scene%actuator(i)%drive)
+                             similar%scene%actuator(i)%law)
             call scale_motor(drive_scale(model, i, scale) == scale, scale, similar%scene%actuator(i)%motor)
             if (model%scene%actuator(i)%cylinder%is_given) call scale_cylinder(scale, similar%scene%actuator(i)%cylinder)
             similar%scene%actuator(i)%preload = drive_scale(model, i, scale)*model%scene%actuator(i)%preload
@@ -282,23 +283,23 @@ contains
         logical, intent(in) :: is_sliding
         real(wp), intent(in) :: scale                !! of lengths
         integer, intent(in) :: key(:)                !! of the drive, for `near_one`
-        type(drive_spec), intent(inout) :: drive
+        type(effort_law), intent(inout) :: drive
         real(wp) :: stiffness_scale, position_scale
 
         stiffness_scale = merge(1.0_wp, scale**2, is_sliding)
         position_scale = merge(scale, 1.0_wp, is_sliding)
         select case (drive%kind)
-        case (drive_constant)
+        case (effort_constant)
             drive%value(at_force) = force_scale*near_one(key)*drive%value(at_force)
-        case (drive_table)
+        case (effort_table)
             call scale_law(force_scale, key, drive%target)
-        case (drive_spring_damper)
+        case (effort_spring_damper)
             drive%value([at_stiffness, at_damping]) = stiffness_scale*drive%value([at_stiffness, at_damping])
             drive%value(at_rest) = position_scale*drive%value(at_rest)
-        case (drive_dc_motor)
+        case (effort_dc_motor)
             drive%value(at_torque_constant) = stiffness_scale*drive%value(at_torque_constant)
             call scale_law(position_scale, key, drive%target)
-        case (drive_pd)
+        case (effort_pd)
             drive%value([at_stiffness, at_damping]) = stiffness_scale*drive%value([at_stiffness, at_damping])
             call scale_law(position_scale, key, drive%target)
         end select

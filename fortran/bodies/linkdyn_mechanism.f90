@@ -520,7 +520,7 @@ contains
         p = in_own_axes(mechanism, mechanism%model%scene%spring(i)%link(side), point_at(mechanism, mechanism%at%spring(i) + 3*side))
     end function spring_point
 
-    !> Parameters of a drive, as `drive_spec` lists them.
+    !> Parameters of a drive, as `effort_law` lists them.
     function drive_numbers(mechanism, i) result(k)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i

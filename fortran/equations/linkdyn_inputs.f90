@@ -5,7 +5,7 @@
 module linkdyn_inputs
     use linkdyn_base_motion, only: base_is_felt
     use linkdyn_contact, only: n_part, part_of, holds_contact
-    use linkdyn_drive_laws, only: follows_target, is_given
+    use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
     use linkdyn_link_motion, only: motion_places, place_motion
     use linkdyn_model, only: model_type, place_size, counts_for_another, friction_is_shared
@@ -108,8 +108,8 @@ contains
         call add(in_qd, [(.not. request%at_rest, k=1, model%n_q)])
         call add(in_qdd, [(.not. request%at_rest .and. (request%motion_is_given .or. .not. is_unknown(k)), k=1, model%n_q)])
         call add(in_load, [((has_load(i, k), i=1, 6), k=1, model%n_load)])
-        call add(in_target, [((follows_target(model%scene%actuator(k)%drive) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
-        call add(in_effort, [((request%motion_is_given .or. is_given(model%scene%actuator(k)%drive)) .and. is_known(k), &
+        call add(in_target, [((follows_target(model%scene%actuator(k)%law) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
+        call add(in_effort, [((request%motion_is_given .or. is_given(model%scene%actuator(k)%law)) .and. is_known(k), &
                               k=1, model%n_actuator)])
         call add(in_branch, [(any(model%step%has_margin .and. model%step%first == k) .and. .not. request%motion_is_given, &
                               k=1, model%n_branch)])

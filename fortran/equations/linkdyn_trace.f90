@@ -2,7 +2,7 @@
 module linkdyn_trace
     use linkdyn_acting, only: acting_type, at_joint_variable, at_place
     use linkdyn_base_wrenches, only: base_wrench
-    use linkdyn_drive_laws, only: drive_effort
+    use linkdyn_effort_laws, only: law_effort
     use linkdyn_drive_sharing, only: share_work
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of, push_of_teeth
@@ -363,7 +363,7 @@ contains
             target = in(in_target)%v(2*i - 1:2*i)
             if (any(in(in_effort)%which == i)) target(1) = in(in_effort)%v(i)
         end associate
-        effort = drive_effort(traced%mechanism, i, target(1), target(2))
+        effort = law_effort(traced%mechanism, i, target(1), target(2))
     end function given_effort
 
     !> Which unknowns of the equations are among some values.

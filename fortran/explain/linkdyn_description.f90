@@ -439,7 +439,7 @@ contains
                    //pair("rod_area", number(cylinder%area(2)))//","//pair("retracted", number(cylinder%stroke(1)))//"," &
                    //pair("extended", number(cylinder%stroke(2)))//","//pair("supply", number(cylinder%supply))//"," &
                    //pair("tank", number(cylinder%tank))//"," &
-                   //pair("has_states", logical_value(actuator%drive%side == side_opening))//"}"
+                   //pair("has_states", logical_value(actuator%law%side == side_opening))//"}"
         end associate
     end function cylinder_object
 

@@ -278,7 +278,7 @@ contains
         text = ""
         if (.not. actuator%cylinder%is_given) return
         text = ", a "//trim(merge("pneumatic", "hydraulic", actuator%cylinder%has_gas))//" cylinder"
-        if (actuator%drive%side == side_opening) text = text//", whose pressures are states of forward runs"
+        if (actuator%law%side == side_opening) text = text//", whose pressures are states of forward runs"
     end function cylinder_in_words
 
     pure function counted(n, what) result(text)

@@ -6,7 +6,7 @@ module linkdyn_forward_record
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
-    use linkdyn_drive_laws, only: follows_target, is_given
+    use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_state, only: state_layout, fill_start
@@ -28,7 +28,7 @@ module linkdyn_forward_record
         free_rate_samples, run_rates, apply_laws, take_measures
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
-    use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint, measure_touch
+    use linkdyn_scene, only: effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
     use linkdyn_scene_program, only: input_wiring, wire_inputs
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_state_wires, only: state_wires, lay_wires, columns_of_states, carry, carry_with_turns, rates_of_states
@@ -168,7 +168,7 @@ contains
 
         hangs_on_more = any(layout%rate(:model%n_q) == 0) .or. any(layout%counted(:model%n_q) > 0) &
                         .or. model%scene%base%moves .or. size(model%payload) > 0 .or. .not. loads_are_constant(model) &
-                        .or. .not. all(is_constant(model%scene%actuator(record%timed)%drive%target)) &
+                        .or. .not. all(is_constant(model%scene%actuator(record%timed)%law%target)) &
                         .or. any(record%followed > 0) .or. size(record%sprung) > 0
     end function hangs_on_more
 
@@ -219,14 +219,14 @@ contains
         allocate (record%followed(model%n_actuator), source=0)
         allocate (record%sprung(0), record%timed(0))
         do i = 1, model%n_actuator
-            associate (drive => model%scene%actuator(i)%drive, place => place_of(coordinate_of_actuator(model, i)))
-                if (drive%kind == drive_constant) then
+            associate (drive => model%scene%actuator(i)%law, place => place_of(coordinate_of_actuator(model, i)))
+                if (drive%kind == effort_constant) then
                     record%constant(i) = drive%value(1)                ! of a motor, else nobody asks
-                else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
+                else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= effort_inverse)) then
                     record%timed = [record%timed, i]
                 end if
                 if (follows_target(drive)) record%followed(i) = place
-                if (place > 0 .and. drive%kind == drive_spring_damper) record%sprung = [record%sprung, place]
+                if (place > 0 .and. drive%kind == effort_spring_damper) record%sprung = [record%sprung, place]
             end associate
         end do
         allocate (record%measured(size(model%scene%laws%measure)))
@@ -363,7 +363,7 @@ contains
             end do
             do i = 1, size(record%timed)
                 k = record%timed(i)
-                call evaluate_at_instants(model%scene%actuator(k)%drive%target, record%instant, samples%effort(k, :n), &
+                call evaluate_at_instants(model%scene%actuator(k)%law%target, record%instant, samples%effort(k, :n), &
                                           samples%target(2*k, :n), record%ignored(:n))
                 samples%target(2*k - 1, :n) = samples%effort(k, :n)
             end do

@@ -123,7 +123,7 @@ contains
         end do
         allocate (layout%pressure(model%n_actuator), source=0)
         do k = 1, model%n_actuator
-            if (model%scene%actuator(k)%drive%side /= side_opening) cycle
+            if (model%scene%actuator(k)%law%side /= side_opening) cycle
             layout%pressure(k) = layout%n + 1
             layout%n = layout%n + n_chamber
         end do

@@ -51,7 +51,7 @@ module linkdyn_forward_system
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, leave_motion_record, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
-    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop, n_clutch, n_controller
+    use linkdyn_scene, only: effort_inverse, effort_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
@@ -513,7 +513,7 @@ contains
         allocate (system%per_place(system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
-        system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
+        system%by_inverse = model%scene%actuator%law%kind == effort_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
         system%n_before_record = evaluations_on_lanes(model)
         call plan_law_sight(model%scene%laws, laws_over_time(model%scene), system%sight)
@@ -794,7 +794,7 @@ contains
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
             if (n_stop(model%scene) > 0) workspace%state%touch = self%touches()
-            if (any(model%scene%actuator%drive%kind == drive_over) .or. self%control%has_continuous) &
+            if (any(model%scene%actuator%law%kind == effort_over) .or. self%control%has_continuous) &
                 call find_laws(model, workspace%state)
             call drive_actuators(self, t, y)
             workspace%n_used = self%n_used

@@ -4,7 +4,7 @@ module linkdyn_forward_unknowns
     use linkdyn_forward_state, only: choose_free
     use linkdyn_model, only: model_type
     use linkdyn_motor_states, only: motors_have_laws
-    use linkdyn_scene, only: drive_inverse
+    use linkdyn_scene, only: effort_inverse
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -20,7 +20,7 @@ contains
 
         call choose_free(model, unknown%acceleration, status)
         allocate (unknown%drive(model%n_actuator))
-        unknown%drive = model%scene%actuator%drive%kind == drive_inverse .and. .not. all(unknown%acceleration)
+        unknown%drive = model%scene%actuator%law%kind == effort_inverse .and. .not. all(unknown%acceleration)
     end subroutine choose_unknowns
 
     !> Virtual work of platforms on legs, whose coordinates move all links, and where links are many and coordinates few; elimination

@@ -37,7 +37,7 @@ contains
     pure logical function motors_have_laws(model)
         type(model_type), intent(in) :: model
 
-        motors_have_laws = any(is_at_motor(model%scene%actuator%drive%side))
+        motors_have_laws = any(is_at_motor(model%scene%actuator%law%side))
     end function motors_have_laws
 
     !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
@@ -54,7 +54,7 @@ contains
 
         call actuator_rates(model, workspace%state, workspace%driving_rate)
         do i = 1, model%n_actuator
-            associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, &
+            associate (drive => model%scene%actuator(i)%law, motor => model%scene%actuator(i)%motor, &
                        force => workspace%driving_force(:, i))
                 if (equations%unknown%drive(i) .or. .not. is_at_motor(drive%side)) cycle
                 speed = motor%ratio*workspace%driving_rate(:, i)
@@ -82,7 +82,7 @@ contains
         integer :: i, lane
 
         do i = 1, model%n_actuator
-            associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, samples => record%samples)
+            associate (drive => model%scene%actuator(i)%law, motor => model%scene%actuator(i)%motor, samples => record%samples)
                 if (equations%unknown%drive(i) .or. .not. is_at_motor(drive%side)) cycle
                 do lane = 1, n
                     associate (effort => samples%effort(i, lane))
@@ -111,7 +111,7 @@ contains
         type(motor_states), intent(inout) :: motors
         real(wp), intent(out) :: torque                !! [N m]
 
-        associate (motor => model%scene%actuator(i)%motor, drive => model%scene%actuator(i)%drive, &
+        associate (motor => model%scene%actuator(i)%motor, drive => model%scene%actuator(i)%law, &
                    place => layout%current(i))
             if (place == 0) then
                 torque = torque_of_law(motor, drive%side, law, speed)

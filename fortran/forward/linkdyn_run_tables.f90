@@ -5,7 +5,7 @@ module linkdyn_run_tables
     use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_heard_tables, only: hearing, heard_table, list_tables
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_inverse
+    use linkdyn_scene, only: effort_inverse
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -27,7 +27,7 @@ contains
         if (.not. status%is_ok()) return
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
-        hearer%motions = wants_motion(model) .or. any(model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive)
+        hearer%motions = wants_motion(model) .or. any(model%scene%actuator%law%kind == effort_inverse .and. .not. unknown%drive)
         hearer%starts = .true.
         hearer%drives = .true.
         hearer%controls = .true.

@@ -22,7 +22,7 @@ module linkdyn_simulator
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_run_tables, only: list_simulator_tables
-    use linkdyn_scene, only: drive_inverse, side_opening
+    use linkdyn_scene, only: effort_inverse, side_opening
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_undefined
     use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
@@ -80,7 +80,7 @@ contains
         allocate (self%model)
         self%model = model
         self%model%scene%coordinate%is_driven = .false.
-        self%model%scene%actuator%drive%kind = drive_inverse
+        self%model%scene%actuator%law%kind = effort_inverse
         call check_options(options, status)
         if (.not. status%is_ok()) return
         self%options = tightened(options)
@@ -339,7 +339,7 @@ contains
     pure integer function n_cylinder(self)
         class(simulator_type), intent(in) :: self
 
-        n_cylinder = count(self%model%scene%actuator%drive%side == side_opening)
+        n_cylinder = count(self%model%scene%actuator%law%side == side_opening)
     end function n_cylinder
 
     !> Pressures in its cylinders.

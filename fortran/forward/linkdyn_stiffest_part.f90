@@ -12,7 +12,7 @@ module linkdyn_stiffest_part
     use linkdyn_measures, only: measure_spring_length
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
+    use linkdyn_scene, only: effort_law, effort_constant, effort_spring_damper, effort_dc_motor, effort_pd, effort_inverse, &
         controller_spec, measure_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
@@ -46,7 +46,7 @@ contains
             bare%belt(i)%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
         end do
         do i = 1, bare%n_actuator
-            if (bare%scene%actuator(i)%drive%kind /= drive_inverse) bare%scene%actuator(i)%drive = drive_spec(kind=drive_constant)
+            if (bare%scene%actuator(i)%law%kind /= effort_inverse) bare%scene%actuator(i)%law = effort_law(kind=effort_constant)
         end do
         bare%scene%controller = bare%scene%controller(:0)
         call build_forward_system(bare, 0, system, status)
@@ -69,7 +69,7 @@ contains
         end do
         do i = 1, model%n_actuator
             associate (actuator => model%scene%actuator(i))
-                call find_slopes(actuator%drive, stiffness, damping)
+                call find_slopes(actuator%law, stiffness, damping)
                 of_part = rate_of(stiffness, damping, mobility_at_drive(bare, system, t, y, i))
                 if (of_part > rate) name = "actuator "//quoted(actuator%name)
                 rate = max(rate, of_part)
@@ -77,7 +77,7 @@ contains
         end do
         do i = 1, model%n_actuator
             associate (actuator => model%scene%actuator(i))
-                if (actuator%drive%side /= side_opening) cycle
+                if (actuator%law%side /= side_opening) cycle
                 of_part = mobility_at_drive(bare, system, t, y, i)
                 call measure_variable(bare, system%workspace%state, actuator%joint, actuator%variable, spread(0.0_wp, 1, lanes), &
                                       place, ignored)
@@ -126,7 +126,7 @@ contains
 
     !> How the force of a drive changes with its position and its speed.
     pure subroutine find_slopes(drive, stiffness, damping)
-        type(drive_spec), intent(in) :: drive
+        type(effort_law), intent(in) :: drive
         real(wp), intent(out) :: stiffness, damping
         real(wp) :: coupling
 
@@ -134,10 +134,10 @@ contains
         damping = 0
         associate (value => drive%value)
             select case (drive%kind)
-            case (drive_spring_damper, drive_pd)
+            case (effort_spring_damper, effort_pd)
                 stiffness = value(1)
                 damping = value(2)
-            case (drive_dc_motor)
+            case (effort_dc_motor)
                 coupling = value(1)*value(2)*value(3)/value(6)
                 stiffness = coupling*value(5)
                 damping = coupling*value(1)*value(4)
@@ -204,8 +204,8 @@ contains
         real(wp) :: acceleration(bare%n_q), speed(lanes, bare%n_actuator)
 
         mobility = 0
-        associate (drive => bare%scene%actuator(i)%drive)
-            if (drive%kind /= drive_constant) return
+        associate (drive => bare%scene%actuator(i)%law)
+            if (drive%kind /= effort_constant) return
             acceleration = acceleration_at(system, t, y)
             drive%value(1) = 1
             acceleration = acceleration_at(system, t, y) - acceleration

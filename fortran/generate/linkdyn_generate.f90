@@ -8,7 +8,7 @@ module linkdyn_generate
         of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes, of_place
     use linkdyn_closing_programs, only: out_determinant
     use linkdyn_controller_kernel, only: controller_kernel, make_controller_kernel, make_closing_kernel, run_kernel
-    use linkdyn_drive_laws, only: follows_target, is_given
+    use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_equations, only: unknown_choice, equations_type, build_equations, build_no_equations, free_equations, &
         solver_elimination
     use linkdyn_forward_unknowns, only: choose_unknowns
@@ -26,7 +26,7 @@ module linkdyn_generate
     use linkdyn_representatives, only: representative_poses, need_poses
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, &
         dim_joint, dim_component, dim_variable
-    use linkdyn_scene, only: scene_type, axes_link, drive_inverse, law_none, side_joint, n_stop, n_clutch, has_hard_stops
+    use linkdyn_scene, only: scene_type, axes_link, effort_inverse, law_none, side_joint, n_stop, n_clutch, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join
     implicit none (type, external)
@@ -504,7 +504,7 @@ contains
         end select
         if (wish%kernel /= kernel_kinematics) call add(loads_of(model, list))
         if (wish%kernel /= kernel_forward) return
-        associate (drive => model%scene%actuator%drive)
+        associate (drive => model%scene%actuator%law)
             is_known = .not. unknown%drive
             if (any(is_known .and. is_given(drive))) call add_drives("driving_force", &
                 "driving forces and torques [N, N m], read of actuators without a law of their motion", in_effort, 1, 1)
@@ -534,8 +534,8 @@ contains
             new = field(name, meaning, block, [of_actuators], list)
             new%place = width*(new%place - 1) + item
             do i = 1, model%n_actuator
-                associate (drive => model%scene%actuator(i)%drive)
-                    if (drive%kind == drive_inverse .or. drive%target%kind == law_none .or. drive%side /= side_joint) cycle
+                associate (drive => model%scene%actuator(i)%law)
+                    if (drive%kind == effort_inverse .or. drive%target%kind == law_none .or. drive%side /= side_joint) cycle
                     if (is_given(drive) .neqv. block == in_effort) cycle
                     call evaluate_law(drive%target, model%scene%time%first, of_law(1), of_law(2), of_law(3))
                     new%start(i) = of_law(item)

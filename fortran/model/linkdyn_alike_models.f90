@@ -98,7 +98,7 @@ contains
         text = ""
         do i = 1, model%n_actuator
             associate (actuator => model%scene%actuator(i))
-                text = text//" actuator"//listed([actuator%joint, actuator%variable, actuator%drive%kind]) &
+                text = text//" actuator"//listed([actuator%joint, actuator%variable, actuator%law%kind]) &
                        //bits_of([actuator%share, actuator%preload])
             end associate
         end do

@@ -16,10 +16,9 @@ module linkdyn_idle_spin
     use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, side_of
-    use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_fixed, joint_planar, frame_link, &
-        n_stop, n_clutch, measure_spec, measure_joint, measure_attitude, measure_tilt, &
-        measure_twist, measure_turn, marker_axis_at
+    use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, &
+        joint_cylindrical, joint_universal, joint_spherical, joint_fixed, joint_planar, frame_link, n_stop, n_clutch, &
+        measure_spec, measure_joint, measure_attitude, measure_tilt, measure_twist, measure_turn, marker_axis_at
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     implicit none (type, external)

@@ -686,7 +686,7 @@ contains
         integer, intent(in) :: i                 !! actuator
 
         associate (spec => model%scene%actuator(i))
-            select case (spec%drive%side)
+            select case (spec%law%side)
             case (side_torque)
                 effort_power = 2
             case (side_voltage)

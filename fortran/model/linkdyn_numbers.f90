@@ -139,7 +139,7 @@ contains
             end associate
         end do
         do i = 1, model%n_actuator
-            number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%drive%value
+            number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%law%value
         end do
         number(at%motor) = model%motor%inertia
     end subroutine collect_numbers

@@ -15,7 +15,7 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, arm_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, drive_spec, motor_spec, cylinder_spec, spring_spec, source_spec, source_shelf, &
+    public :: law_spec, table_spec, effort_law, motor_spec, cylinder_spec, spring_spec, source_spec, source_shelf, &
         n_chamber
     public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch, pulls_in_line
     public :: payload_spec, payload_changes, wants_instants
@@ -35,8 +35,8 @@ module linkdyn_scene
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
-    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over, &
-        drive_controlled
+    public :: effort_inverse, effort_constant, effort_table, effort_spring_damper, effort_dc_motor, effort_pd, effort_over, &
+        effort_controlled
     public :: at_force, at_stiffness, at_damping, at_rest, at_ratio, at_efficiency, at_torque_constant, at_voltage_constant, &
         at_gain, at_resistance
     public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
@@ -98,16 +98,16 @@ module linkdyn_scene
     character(len=12), parameter :: share_name(3) = [character(len=12) :: "refuse", "minimum-norm", "stiffness"]
 
     ! ---- what an actuator does in forward dynamics
-    integer, parameter :: drive_inverse = 1        !! what inverse dynamics of the motion law asks for
-    integer, parameter :: drive_constant = 2
-    integer, parameter :: drive_table = 3
-    integer, parameter :: drive_spring_damper = 4
-    integer, parameter :: drive_dc_motor = 5
-    integer, parameter :: drive_pd = 6
-    integer, parameter :: drive_over = 7           !! a law over the state of the mechanism
-    integer, parameter :: drive_controlled = 9     !! the output of a controller (8 is a word of scene files alone)
+    integer, parameter :: effort_inverse = 1        !! what inverse dynamics of the motion law asks for
+    integer, parameter :: effort_constant = 2
+    integer, parameter :: effort_table = 3
+    integer, parameter :: effort_spring_damper = 4
+    integer, parameter :: effort_dc_motor = 5
+    integer, parameter :: effort_pd = 6
+    integer, parameter :: effort_over = 7           !! a law over the state of the mechanism
+    integer, parameter :: effort_controlled = 9     !! the output of a controller (8 is a word of scene files alone)
 
-    ! ---- numbers of these laws, places in `drive_spec%value`
+    ! ---- numbers of these laws, places in `effort_law%value`
     integer, parameter :: at_force = 1             !! constant [N, N m]
     integer, parameter :: at_stiffness = 1, at_damping = 2, at_rest = 3   !! spring-damper and pd, which has no rest
     !> dc-motor: ratio n and efficiency eta of the gear, K_T [N m/A], K_E [V s], K_P [V/rad, V/m], resistance R_a [ohm]
@@ -277,12 +277,12 @@ module linkdyn_scene
     end type coordinate_spec
 
     !> Parameters of a driving force in forward dynamics.
-    type :: drive_spec
-        integer :: kind = drive_inverse
+    type :: effort_law
+        integer :: kind = effort_inverse
         integer :: side = side_joint              !! one of `side_*`
         real(wp) :: value(8) = 0                  !! its numbers, at the places `at_*`
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
-    end type drive_spec
+    end type effort_law
 
     !> When something is on.
     type :: switch_spec
@@ -350,7 +350,7 @@ module linkdyn_scene
         integer :: variable = 1                   !! which variable of the joint
         real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of
         real(wp) :: preload = 0                   !! (force - preload)^2/share [N, N m]
-        type(drive_spec) :: drive
+        type(effort_law) :: law
         logical :: has_law = .false.              !! the file says what it does in forward dynamics
         type(motor_spec) :: motor
         type(cylinder_spec) :: cylinder

@@ -38,7 +38,7 @@ contains
         end do
         do i = 1, size(scene%actuator)
             associate (a => scene%actuator(i))
-                call add(a%drive%target, part_drive, "actuator", a%name, "", a%line)
+                call add(a%law%target, part_drive, "actuator", a%name, "", a%line)
             end associate
         end do
         do i = 1, n_clutch(scene)

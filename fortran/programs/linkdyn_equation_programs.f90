@@ -5,7 +5,7 @@
 !> pivots that serve representative samples; it tells where they do not.
 module linkdyn_equation_programs
     use linkdyn_catalogue, only: quantity_values
-    use linkdyn_drive_laws, only: drive_effort, compares_motion
+    use linkdyn_effort_laws, only: law_effort, compares_motion
     use linkdyn_elimination, only: sparse_row
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_force_system, only: unknown_note, label_len
@@ -282,8 +282,8 @@ contains
         force = zero()
         associate (target => traced%in%of(in_target)%v)
             do i = 1, model%n_actuator
-                if (compares_motion(model%scene%actuator(i)%drive)) &
-                    force(i) = drive_effort(traced%mechanism, i, target(2*i - 1), target(2*i))
+                if (compares_motion(model%scene%actuator(i)%law)) &
+                    force(i) = law_effort(traced%mechanism, i, target(2*i - 1), target(2*i))
             end do
         end associate
         call add_output(out, out_drives, force)

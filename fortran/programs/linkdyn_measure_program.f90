@@ -48,9 +48,9 @@ contains
             driven(k) = zero()
             place(k) = zero()
             associate (actuator => model%scene%actuator(k))
-                if (actuator%drive%side /= side_joint) &
+                if (actuator%law%side /= side_joint) &
                     driven(k) = variable_rate(traced%mechanism, actuator%joint, actuator%variable)
-                if (actuator%drive%side == side_opening) &
+                if (actuator%law%side == side_opening) &
                     place(k) = one_variable(traced%mechanism, actuator%joint, actuator%variable)
             end associate
         end do

@@ -120,7 +120,7 @@ contains
         do i = 1, size(force)
             force(i) = zero()
             associate (actuator => traced%mechanism%model%scene%actuator(i))
-                if (actuator%drive%side == side_joint) cycle
+                if (actuator%law%side == side_joint) cycle
                 if (min(actuator%motor%efficiency, actuator%motor%back_efficiency) < 1) &
                     force(i) = solved(traced%system, traced%unknowns%transmitted(i))
             end associate

@@ -18,7 +18,7 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, load_settled, settle_one, &
         free_friction_programs, free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_joint, measure_time, is_sampled, n_event
+    use linkdyn_scene, only: law_spec, law_over, effort_over, side_joint, measure_time, is_sampled, n_event
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         run_columns, most_lanes, goes_to, free_scene_program, free_program_space, input_wiring, column_list, wire_inputs, run_wired
     implicit none (type, external)
@@ -94,7 +94,7 @@ contains
         recorded%is_usable = recorded%program%is_made
         if (recorded%is_usable) call wire_inputs(recorded%program, spread(column_list(), 1, n_block), recorded%of_samples)
         recorded%takes_measures = size(model%scene%laws%law) > 0 .or. measures_for_controllers(model) &
-                                  .or. any(model%scene%actuator%drive%side /= side_joint)
+                                  .or. any(model%scene%actuator%law%side /= side_joint)
         if (recorded%is_usable .and. (recorded%takes_measures .or. n_event(model%scene) > 0)) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
         if (recorded%is_usable .and. present(choice)) &
@@ -207,9 +207,9 @@ contains
             end do
             do i = 1, model%n_actuator
                 associate (spec => model%scene%actuator(i))
-                    if (spec%drive%kind /= drive_over) cycle
+                    if (spec%law%kind /= effort_over) cycle
                     samples%effort(i, :n) = 0
-                    call add(spec%drive%target, book%scale**effort_power(model, i), samples%effort(i, :))
+                    call add(spec%law%target, book%scale**effort_power(model, i), samples%effort(i, :))
                 end associate
             end do
         end associate

@@ -4,7 +4,7 @@ module linkdyn_scene_controllers
     use linkdyn_expression, only: measured_value
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, controller_spec, measure_spec, name_len, measure_time, measure_joint, measure_spring, &
-        coordinate_joint, law_none, law_over, drive_controlled, is_sampled, side_joint, side_torque, side_voltage, side_opening, &
+        coordinate_joint, law_none, law_over, effort_controlled, is_sampled, side_joint, side_torque, side_voltage, side_opening, &
         is_at_motor, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
@@ -56,8 +56,8 @@ contains
             if (any(scene%controller%name == controller%name)) &
                 call refuse(place, "there is a controller of that name (expected another name)", status)
             scene%controller = [scene%controller, controller]
-            associate (drive => scene%actuator(controller%actuator)%drive)
-                drive%kind = drive_controlled
+            associate (drive => scene%actuator(controller%actuator)%law)
+                drive%kind = effort_controlled
                 drive%side = controller%side
             end associate
         end do

@@ -3,9 +3,9 @@ module linkdyn_scene_forces
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
-        joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_torque, &
+    use linkdyn_scene, only: scene_type, actuator_spec, effort_law, load_spec, law_spec, spring_spec, &
+        joint_cylindrical, joint_spherical, frame_link, axes_world, effort_inverse, effort_constant, effort_table, &
+        effort_spring_damper, effort_dc_motor, effort_pd, effort_over, law_constant, law_over, side_torque, &
         side_voltage, side_opening, is_at_motor, has_limits, name_len, at_force, at_stiffness, at_damping, at_rest, at_ratio, &
         at_efficiency, at_torque_constant, at_voltage_constant, at_gain, at_resistance
     use linkdyn_toml, only: toml_node, toml_array, toml_table
@@ -27,9 +27,9 @@ module linkdyn_scene_forces
     private
     public :: read_actuators, read_loads, read_springs, read_stiffness, force_quantity
 
-    integer, parameter :: drive_voltage = 8        !! any law of the voltage at a motor; it is kept as the law that it is
-    integer, parameter :: drive_valve = 9          !! any law of how far a valve is open, likewise
-    character(len=13), parameter :: drive_name(9) = [character(len=13) :: "inverse", "constant", "table", &
+    integer, parameter :: effort_voltage = 8        !! any law of the voltage at a motor; it is kept as the law that it is
+    integer, parameter :: effort_valve = 9          !! any law of how far a valve is open, likewise
+    character(len=13), parameter :: effort_law_name(9) = [character(len=13) :: "inverse", "constant", "table", &
         "spring-damper", "dc-motor", "pd", "formula", "voltage", "valve"]
 
 contains
@@ -100,12 +100,12 @@ contains
         node = place%node%get("drive")
         if (status%is_ok() .and. node%is_present()) call read_motor_drive(place, node, scene%joint(actuator%joint)%kind, &
             actuator%unit /= "N", shelf, actuator, status)
-        if (status%is_ok() .and. is_at_motor(actuator%drive%side) .and. .not. node%is_present()) call refuse_missing(place, &
+        if (status%is_ok() .and. is_at_motor(actuator%law%side) .and. .not. node%is_present()) call refuse_missing(place, &
             "drive", "the motor that the law is about: { ratio = 50, .. }", status)
         if (node%is_present()) call refuse_idle_creep(place, node, actuator, status)
         node = place%node%get("cylinder")
         if (status%is_ok() .and. node%is_present()) call read_cylinder(place, node, actuator, status)
-        if (status%is_ok() .and. actuator%drive%side == side_opening .and. .not. node%is_present()) call refuse_missing(place, &
+        if (status%is_ok() .and. actuator%law%side == side_opening .and. .not. node%is_present()) call refuse_missing(place, &
             "cylinder", "the cylinder that the valve feeds: { bore = '80 mm', .. }", status)
     end subroutine read_actuator
 
@@ -130,7 +130,7 @@ contains
         type(toml_node) :: creep
 
         creep = drive%get("creep_speed")
-        if (.not. (creep%is_present() .and. actuator%has_law) .or. is_at_motor(actuator%drive%side)) return
+        if (.not. (creep%is_present() .and. actuator%has_law) .or. is_at_motor(actuator%law%side)) return
         if (status%is_ok()) call refuse_value(place, "creep_speed", creep, "is for laws at the motor, and this law gives what "// &
             "acts at the joint (expected at = ""motor"" in the law, or no 'creep_speed')", status)
     end subroutine refuse_idle_creep
@@ -203,44 +203,44 @@ contains
 
         inner = place_at(place, node, trim(place%what)//", law")
         call require_table(inner, "a table, { type = .. }", status)
-        call get_word(inner, "type", drive_name, actuator%drive%kind, status)
+        call get_word(inner, "type", effort_law_name, actuator%law%kind, status)
         if (.not. status%is_ok()) return
         position = variable_quantity(joint_kind, actuator%variable)
         effort = force_quantity(joint_kind, actuator%variable)
         is_angle = position%unit == "rad"
-        associate (drive => actuator%drive)
+        associate (drive => actuator%law)
             call read_side(inner, drive, effort, status)
             select case (drive%kind)
-            case (drive_inverse)
+            case (effort_inverse)
                 call allow_keys(inner, [character(len=4) :: "type"], status)
-            case (drive_constant)
+            case (effort_constant)
                 call allow_keys(inner, [character(len=5) :: "type", "value", "at"], status)
                 call get_quantity(inner, "value", effort, drive%value(at_force), status)
-            case (drive_table)
+            case (effort_table)
                 call read_driving_table(place, node, inner, effort, actuator%name, shelf, drive, status)
-            case (drive_over)
+            case (effort_over)
                 call allow_keys(inner, [character(len=5) :: "type", "value", "at"], status)
                 call read_driving_formula(inner, effort, shelf, drive, status)
-            case (drive_voltage)
+            case (effort_voltage)
                 call allow_keys(inner, [character(len=5) :: "type", "value"], status)
-                drive%kind = drive_over
+                drive%kind = effort_over
                 drive%side = side_voltage
                 call read_driving_formula(inner, voltage, shelf, drive, status)
-            case (drive_valve)
+            case (effort_valve)
                 call allow_keys(inner, [character(len=5) :: "type", "value"], status)
-                drive%kind = drive_over
+                drive%kind = effort_over
                 drive%side = side_opening
                 call read_driving_formula(inner, valve_opening, shelf, drive, status)
-            case (drive_spring_damper)
+            case (effort_spring_damper)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
                 call read_stiffness(inner, is_angle, drive%value(at_stiffness:at_damping), status)
                 call get_quantity(inner, "rest", position, drive%value(at_rest), status, found)
                 call refuse_rest_of_none(inner, status)
-            case (drive_dc_motor)
+            case (effort_dc_motor)
                 call allow_keys(inner, [character(len=6) :: "type", "n", "eta", "K_T", "K_E", "K_P", "R_a", "target"], status)
                 call read_motor(inner, is_angle, drive%value, status)
                 call read_target(inner, position, actuator%name, shelf, drive%target, status)
-            case (drive_pd)
+            case (effort_pd)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "target"], status)
                 call read_stiffness(inner, is_angle, drive%value(at_stiffness:at_damping), status)
                 call read_target(inner, position, actuator%name, shelf, drive%target, status)
@@ -251,13 +251,13 @@ contains
     !> Does the law give the driving force, or the torque of the motor?
     subroutine read_side(place, drive, effort, status)
         type(scene_place), intent(in) :: place         !! of the law
-        type(drive_spec), intent(inout) :: drive
+        type(effort_law), intent(inout) :: drive
         type(quantity_type), intent(inout) :: effort   !! what the law gives
         type(status_type), intent(inout) :: status
         integer :: choice
         logical :: found
 
-        if (.not. any(drive%kind == [drive_constant, drive_table, drive_over])) return
+        if (.not. any(drive%kind == [effort_constant, effort_table, effort_over])) return
         choice = 1
         call get_word(place, "at", [character(len=5) :: "joint", "motor"], choice, status, found)
         if (choice == 1) return
@@ -273,13 +273,13 @@ contains
         type(quantity_type), intent(in) :: effort
         character(len=*), intent(in) :: usual_column
         type(table_shelf), intent(inout) :: shelf
-        type(drive_spec), intent(inout) :: drive
+        type(effort_law), intent(inout) :: drive
         type(status_type), intent(inout) :: status
         type(toml_node) :: over
 
         over = node%get("over")
         if (over%is_present()) then
-            drive%kind = drive_over
+            drive%kind = effort_over
             call allow_keys(inner, [character(len=13) :: "type", "table", "column", "over", "argument", "interpolation", &
                 "period", "at"], status)
             call read_force_law(place, "law", node, effort, usual_column, shelf, drive%target, status)
@@ -294,7 +294,7 @@ contains
         type(scene_place), intent(in) :: place
         type(quantity_type), intent(in) :: effort
         type(table_shelf), intent(inout) :: shelf
-        type(drive_spec), intent(inout) :: drive
+        type(effort_law), intent(inout) :: drive
         type(status_type), intent(inout) :: status
         type(toml_node) :: node
 
@@ -306,10 +306,10 @@ contains
         call read_force_law(place, "value", node, effort, "", shelf, drive%target, status)
         if (.not. status%is_ok() .or. drive%target%kind == law_over) return
         if (drive%target%kind == law_constant) then
-            drive%kind = drive_constant
+            drive%kind = effort_constant
             drive%value(at_force) = drive%target%value(1)
         else
-            drive%kind = drive_table
+            drive%kind = effort_table
         end if
     end subroutine read_driving_formula
 

@@ -4,7 +4,7 @@ module linkdyn_scene_motors
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_kind_name, drive_dc_motor, side_joint, side_voltage, at_ratio, at_efficiency
+        joint_kind_name, effort_dc_motor, side_joint, side_voltage, at_ratio, at_efficiency
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
@@ -58,7 +58,7 @@ contains
                 call refuse_value(inner, "inductance", inner%node%get("inductance"), "has no meaning without 'torque_constant' "// &
                     "and 'resistance' beside it", status)
             if (.not. status%is_ok()) return
-            if (actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
+            if (actuator%law%kind == effort_dc_motor) call compare_with_law(inner, actuator, has_back, status)
         end associate
     end subroutine read_motor_drive
 
@@ -76,8 +76,8 @@ contains
                 place = root
                 place%what = "actuator "//quoted(actuator%name)//", drive"
                 place%line = motor%line
-                if (actuator%drive%side /= side_joint) call require_for_law(place, actuator, status)
-                if (actuator%drive%side == side_joint .and. motor%brake%is_given) call refuse(place, "key 'brake' "// &
+                if (actuator%law%side /= side_joint) call require_for_law(place, actuator, status)
+                if (actuator%law%side == side_joint .and. motor%brake%is_given) call refuse(place, "key 'brake' "// &
                     "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
                     "law = { .., at = ""motor"" }, or a controller there)", status, motor%brake%line)
             end associate
@@ -91,10 +91,10 @@ contains
         type(status_type), intent(inout) :: status
 
         associate (motor => actuator%motor)
-            if (actuator%drive%side == side_voltage .and. .not. motor%torque_constant > 0) then
+            if (actuator%law%side == side_voltage .and. .not. motor%torque_constant > 0) then
                 call refuse_missing(place, "torque_constant", "that of the motor whose voltage the law gives, for example "// &
                     "'0.08 N m/A'", status)
-            else if (actuator%drive%side == side_voltage .and. .not. motor%resistance > 0) then
+            else if (actuator%law%side == side_voltage .and. .not. motor%resistance > 0) then
                 call refuse_missing(place, "resistance", "that of the motor whose voltage the law gives, for example "// &
                     "'0.5 ohm'", status)
             else if (.not. (motor%back_efficiency > 0 .or. motor%inertia > 0)) then
@@ -221,7 +221,7 @@ contains
         type(status_type), intent(inout) :: status
         real(wp), parameter :: close = 1.0e-12_wp
 
-        associate (law => actuator%drive%value, motor => actuator%motor)
+        associate (law => actuator%law%value, motor => actuator%motor)
             if (abs(law(at_ratio) - motor%ratio) > close*abs(law(at_ratio))) then
                 call refuse(place, "its ratio "//to_text(motor%ratio)//" is not n = "//to_text(law(at_ratio))// &
                     " of the law dc-motor (expected the same)", status)

@@ -9,7 +9,7 @@ module test_forward
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_ode_gsl, only: has_gsl
-    use linkdyn_scene, only: scene_type, drive_constant
+    use linkdyn_scene, only: scene_type, effort_constant
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, status_bad_input
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -117,8 +117,8 @@ contains
 
         call make_model(model, error)
         if (allocated(error%message)) return
-        model%scene%actuator%drive%kind = drive_constant
-        model%scene%actuator%drive%value(1) = [3.0_wp, 4.0_wp, 5.0_wp, 3.0_wp, 4.0_wp, 5.0_wp]
+        model%scene%actuator%law%kind = effort_constant
+        model%scene%actuator%law%value(1) = [3.0_wp, 4.0_wp, 5.0_wp, 3.0_wp, 4.0_wp, 5.0_wp]
         results%work => work
         call results%forces%put(result_kinetic_energy, kinetic)
         call results%forces%put(result_potential_energy, potential)
@@ -153,7 +153,7 @@ contains
 
         call make_model(model, error)
         if (allocated(error%message)) return
-        model%scene%actuator%drive%kind = drive_constant     ! the law of a motion would refuse a start off it
+        model%scene%actuator%law%kind = effort_constant     ! the law of a motion would refuse a start off it
         call evaluate_motion(model, [0.0_wp], q0, qd0, qdd0, load(:, :model%n_load, :))
         do i = 1, n_member
             q_start(:, i) = q0(:, 1) + 1.0e-3_wp*i
@@ -185,8 +185,8 @@ contains
 
         call make_model(model, error)
         if (allocated(error%message)) return
-        model%scene%actuator%drive%kind = drive_constant
-        model%scene%actuator%drive%value(1) = 1.0e200_wp
+        model%scene%actuator%law%kind = effort_constant
+        model%scene%actuator%law%value(1) = 1.0e200_wp
         results%q => q
         call run_forward(model, forward_options(integrator=integrator_options(method=method_rk4, step=0.01_wp)), &
                          [0.0_wp, 1.0_wp, 2.0_wp], results, run, status)

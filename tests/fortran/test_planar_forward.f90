@@ -13,7 +13,7 @@ module test_planar_forward
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: planar_scene, connect, drive, dyad_scene, triad_scene, four_bar_chain
-    use linkdyn_scene, only: scene_type, spring_spec, drive_constant, joint_revolute
+    use linkdyn_scene, only: scene_type, spring_spec, effort_constant, joint_revolute
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_scenes, only: new_scene, add_link, add_joint, add_joint_coordinates, start_at
@@ -310,9 +310,9 @@ contains
         do i = 1, size(signature)
             call dyad_scene(signature(i), scene)
             scene%spring = spring
-            scene%actuator%drive%kind = drive_constant
-            scene%actuator(1)%drive%value(1) = 2.5_wp
-            scene%actuator(2)%drive%value(1) = -1.5_wp
+            scene%actuator%law%kind = effort_constant
+            scene%actuator(1)%law%value(1) = 2.5_wp
+            scene%actuator(2)%law%value(1) = -1.5_wp
             call check_energy(scene, t, q, error, signature(i)//": energy less work [J]")
             call check(error, maxval(abs(q(:, 3) - q(:, 1))) > 0.02_wp, signature(i)//" moves")
         end do
@@ -391,8 +391,8 @@ contains
         scene%coordinate(1)%is_driven = .true.
         scene%coordinate(1)%motion%kind = 2
         scene%coordinate(1)%motion%value(:2) = [0.4_wp, 1.5_wp]
-        scene%actuator(2)%drive%kind = drive_constant
-        scene%actuator(2)%drive%value(1) = -1.5_wp
+        scene%actuator(2)%law%kind = effort_constant
+        scene%actuator(2)%law%value(1) = -1.5_wp
         call check_energy(scene, t, q, error, "energy less the work of both drives [J]")
         call check_close(error, q(1, :), 0.4_wp + 1.5_wp*t, 4*epsilon(1.0_wp), "the driven crank follows its law")
         call check(error, abs(q(2, 3) - q(2, 1)) > 0.02_wp, "the free one moves")

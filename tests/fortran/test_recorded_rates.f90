@@ -13,7 +13,7 @@ module test_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_scene, only: scene_type, drive_constant, drive_spring_damper
+    use linkdyn_scene, only: scene_type, effort_constant, effort_spring_damper
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
@@ -119,9 +119,9 @@ contains
             scene%actuator = [scene%actuator(1), scene%actuator(1)]
             scene%actuator(2)%joint = last
             scene%actuator(2)%name = scene%joint(last)%name
-            scene%actuator%drive%kind = drive_spring_damper
-            scene%actuator(1)%drive%value(:3) = [3.0_wp, 0.2_wp, 0.4_wp]
-            scene%actuator(2)%drive%value(:3) = [20.0_wp, 0.3_wp, -4.0_wp]
+            scene%actuator%law%kind = effort_spring_damper
+            scene%actuator(1)%law%value(:3) = [3.0_wp, 0.2_wp, 0.4_wp]
+            scene%actuator(2)%law%value(:3) = [20.0_wp, 0.3_wp, -4.0_wp]
             if (status%is_ok()) call build_model(scene, model, status)
             call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
             if (.not. status%is_ok()) return
@@ -140,8 +140,8 @@ contains
 
         call stewart_scene(scene, massless_legs=.false.)
         call change_axes(scene)
-        scene%actuator%drive%kind = drive_constant
-        scene%actuator%drive%value(1) = 400
+        scene%actuator%law%kind = effort_constant
+        scene%actuator%law%value(1) = 400
         call build_model(scene, model, status)
         call check(error, status%is_ok(), trim(status%message))
         if (.not. status%is_ok()) return

@@ -7,7 +7,7 @@ module test_scene_reader
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_status, only: status_type, status_bad_input
     use linkdyn_scene, only: scene_type, joint_universal, joint_prismatic, joint_spherical, law_constant, &
-        law_cycloidal_start, law_harmonic, law_none, axes_link, drive_dc_motor, drive_spring_damper, drive_pd
+        law_cycloidal_start, law_harmonic, law_none, axes_link, effort_dc_motor, effort_spring_damper, effort_pd
     use linkdyn_scene_reader, only: parse_scene, read_scene, check_actuators
     implicit none (type, external)
     private
@@ -178,17 +178,17 @@ contains
         call read_good(error, driven//'law = { type = "dc-motor", n = 10, eta = "80 %", K_T = "0.22 N*m/A", '// &
             'K_E = "0.22 V*s/rad", K_P = "100 V/rad", R_a = "3 ohm", target = "90 deg" }'//lf, scene)
         if (allocated(error%message)) return
-        call check(error, scene%actuator(1)%drive%kind == drive_dc_motor .and. scene%actuator(1)%unit == "N m", "motor")
-        call check_close(error, scene%actuator(1)%drive%value(:6), [10.0_wp, 0.8_wp, real(0.22d0, wp), real(0.22d0, wp), &
+        call check(error, scene%actuator(1)%law%kind == effort_dc_motor .and. scene%actuator(1)%unit == "N m", "motor")
+        call check_close(error, scene%actuator(1)%law%value(:6), [10.0_wp, 0.8_wp, real(0.22d0, wp), real(0.22d0, wp), &
             100.0_wp, 3.0_wp], tolerance, "its constants")
-        call check_close(error, scene%actuator(1)%drive%target%value(1), pi/2, tolerance, "its target")
+        call check_close(error, scene%actuator(1)%law%target%value(1), pi/2, tolerance, "its target")
         call read_good(error, driven//'law = { type = "spring-damper", stiffness = "20 N*m/rad", rest = "180 deg" }'//lf, scene)
-        call check(error, scene%actuator(1)%drive%kind == drive_spring_damper, "spring")
-        call check_close(error, scene%actuator(1)%drive%value(:3), [20.0_wp, 0.0_wp, pi], tolerance, "its values")
+        call check(error, scene%actuator(1)%law%kind == effort_spring_damper, "spring")
+        call check_close(error, scene%actuator(1)%law%value(:3), [20.0_wp, 0.0_wp, pi], tolerance, "its values")
         call read_good(error, driven//'law = { type = "pd", stiffness = 5, damping = 2, target = { law = "harmonic", '// &
             'amplitude = 1, frequency = 2 } }'//lf, scene)
-        call check(error, scene%actuator(1)%drive%kind == drive_pd, "pd")
-        call check(error, scene%actuator(1)%drive%target%kind == law_harmonic, "moving target")
+        call check(error, scene%actuator(1)%law%kind == effort_pd, "pd")
+        call check(error, scene%actuator(1)%law%target%kind == law_harmonic, "moving target")
     end subroutine test_drives
 
     subroutine test_springs(error)
