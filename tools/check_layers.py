@@ -1,4 +1,4 @@
-"""Check the `use` lines of the Fortran sources against the order of the layers, and that what they name is used.
+"""Check the `use` lines of the Fortran sources against the order of the layers, and that what they name, and what is public, is used.
 
 Usage: check_layers.py [ROOT]
 
@@ -46,6 +46,7 @@ MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\
 USES = re.compile(r"^\s*use\b(?:\s*,\s*non_intrinsic)?\s*(?:::)?\s*(\w+)", re.I | re.M)
 BINDS = re.compile(r"\bbind\s*\(\s*c\s*,\s*name\s*=\s*[\"'](\w+)[\"']", re.I)
 SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)", re.I | re.M)
+PUBLIC = re.compile(r"^\s*public\s*::\s*([^\n]*)$", re.I | re.M)
 IMPORTS = re.compile(r"^\s*use\b[^\n:]*?(?:::\s*)?(\w+)\s*,\s*only\s*:([^\n]*)$", re.M)
 
 
@@ -81,11 +82,28 @@ def read_sources(root: Path) -> dict[str, tuple[str, str]]:
     return sources
 
 
+def idle_publics(root: Path, sources: dict[str, tuple[str, str]]) -> list[str]:
+    """Public procedures and types that no other file knows. Constants stand in families, and layers for other languages end here."""
+    others = [path.read_text(encoding="utf-8") for folder in ("tests", "benchmarks") for path in sorted((root / folder).rglob("*.f90*"))]
+    code = {file: code_of(text) for file, (layer, text) in sources.items() if layer != "api"}
+    known = {file: set(re.findall(r"\w+", text)) for file, text in code.items()}
+    elsewhere = set().union(*(re.findall(r"\w+", code_of(text)) for text in [*others, *(t for l, t in sources.values() if l == "api")]))
+    idle = []
+    for file, text in code.items():
+        joined = re.sub(r"&\s*\n\s*", "", text)
+        constants = set(re.findall(r"\w+", " ".join(re.findall(r"^\s*[^\n:]*\bparameter\b[^\n:]*::([^\n]*)", joined, re.M))))
+        names = {name.strip() for line in PUBLIC.findall(joined) for name in line.split(",")} - constants - elsewhere
+        for name in sorted(name for name in names if re.fullmatch(r"\w+", name)):
+            if not any(name in words for other, words in known.items() if other != file):
+                idle.append(f"{file}: {name} is public, and nobody else knows it")
+    return idle
+
+
 def find_violations(root: Path) -> list[str]:
-    """One line for each `use` or mention that breaks the order of the layers."""
+    """One line for each `use` or mention that breaks the order of the layers, and for each public name that nobody uses."""
     sources = read_sources(root)
     layer_of = {name: layer for layer, text in sources.values() for name in MODULE.findall(code_of(text))}
-    violations = []
+    violations = idle_publics(root, sources)
     for file, (layer, text) in sources.items():
         code = code_of(text)
         if layer not in MAY_USE:

@@ -1,16 +1,17 @@
 !> What decides how many digits the motion behind a closed form has: how its two links close the gap between them, of velocities and of
 !> accelerations. See `linkdyn_uncertainty`.
 module linkdyn_certainty
-    use linkdyn_bodies, only: world_axes, omega_of, alpha_of, rotation_of
+    use linkdyn_bodies, only: world_axes, omega_of, alpha_of
+    use linkdyn_csp_group, only: csp_lines
     use linkdyn_dyads, only: half_type, half_of
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
+    use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of, has_rod, is_rod_leg
     use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: quality_of_rod
     use linkdyn_value, only: value, constant, operator(+), operator(-), operator(*), sqrt, abs, max, min, reciprocal
-    use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
+    use linkdyn_vector, only: vector, operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
     public :: closing_quality
@@ -26,7 +27,7 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
         type(value) :: q(n_quality)
-        type(vector) :: way(2), normal, n, m, y, u, across
+        type(vector) :: way(2), normal, n, y, u
         type(value) :: rate(2), rate2(2), length(2), radius, hold, drift
 
         if (has_rod(step%kind)) then
@@ -37,8 +38,9 @@ contains
             end if
             return
         else if (step%kind == step_csp) then
-            call see_csp()
-            way = [m, across]
+            ! The ball moves about the coupler's axis and along the slide; what counts is what lies across the axis.
+            call csp_lines(mechanism, step, u, n, radius, y)
+            way = [u.cross.n, y - (y.dot.u)*u]
             length = [radius, constant(1.0_wp)]
             q(1) = abs(n.dot.y)*reciprocal(radius)
             q(2) = radius
@@ -59,27 +61,6 @@ contains
         q(6) = gap_of(rate2)
 
     contains
-
-        !> The ball moves about the coupler's axis and along the slide; what counts is what lies across the axis.
-        subroutine see_csp()
-            type(rotation) :: axis, slide
-            integer :: side
-
-            associate (coupler => step%link(1), output => step%link(2), joint => mechanism%model%joint)
-                side = side_of(joint(step%joint(1)), coupler)
-                axis = marker_frame(mechanism, step%joint(1), side)
-                n = marker_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), coupler)) &
-                    - marker_point(mechanism, step%joint(1), side)
-                n = n - (n.dot.axis%z)*axis%z
-                radius = sqrt(n.dot.n)
-                n = rotation_of(mechanism%bodies, coupler) .rotate.n
-                u = rotation_of(mechanism%bodies, coupler) .rotate.axis%z
-                slide = marker_frame(mechanism, step%joint(3), side_of(joint(step%joint(3)), output))
-                y = rotation_of(mechanism%bodies, output) .rotate.slide%z
-            end associate
-            m = u.cross.n
-            across = y - (y.dot.u)*u
-        end subroutine see_csp
 
         function largest(rate) result(speed)
             type(value), intent(in) :: rate(2)

@@ -9,7 +9,7 @@ module linkdyn_csp_group
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: place_csp
+    public :: place_csp, csp_lines
 
 contains
 
@@ -101,4 +101,28 @@ contains
         r%y = frame.rotate.vector(own%x%y, own%y%y, own%z%y)
         r%z = frame.rotate.vector(own%x%z, own%y%z, own%z%z)
     end function turned_back
+
+    !> The lines of a placed group: the coupler's axis, the radius of the ball about it, which turns with the coupler, and the slide's
+    !> direction, which turns with the output; world axes.
+    subroutine csp_lines(mechanism, step, axis, radius, length, slide)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(vector), intent(out) :: axis, radius, slide   !! the radius [m], unit vectors
+        type(value), intent(out) :: length                 !! of the radius, a constant of the coupler [m]
+        type(rotation) :: of_axis, of_slide
+        integer :: side
+
+        associate (coupler => step%link(1), output => step%link(2), joint => mechanism%model%joint)
+            side = side_of(joint(step%joint(1)), coupler)
+            of_axis = marker_frame(mechanism, step%joint(1), side)
+            radius = marker_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), coupler)) &
+                     - marker_point(mechanism, step%joint(1), side)
+            radius = radius - (radius.dot.of_axis%z)*of_axis%z
+            length = sqrt(radius.dot.radius)
+            radius = rotation_of(mechanism%bodies, coupler) .rotate.radius
+            axis = rotation_of(mechanism%bodies, coupler) .rotate.of_axis%z
+            of_slide = marker_frame(mechanism, step%joint(3), side_of(joint(step%joint(3)), output))
+            slide = rotation_of(mechanism%bodies, output) .rotate.of_slide%z
+        end associate
+    end subroutine csp_lines
 end module linkdyn_csp_group

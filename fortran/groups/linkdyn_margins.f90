@@ -5,15 +5,16 @@
 !> coupler's axis, of a leg with a rod between this and the way of its end; of the rods that hold a platform's attitude see
 !> `linkdyn_parallel_rods`. Who integrates a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
-    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_bodies, only: world_axes, omega_of, point_velocity
+    use linkdyn_csp_group, only: csp_lines
     use linkdyn_dyads, only: half_type, half_of, inner_marker, drawn_arm
     use linkdyn_joint_table, only: joint_prismatic
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, marker_point
     use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, step_rod, side_of
     use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: margin_of_rod
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
-    use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
+    use linkdyn_vector, only: vector, operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
     public :: assembly_margins
@@ -116,30 +117,19 @@ contains
         end function hinge_velocity
     end subroutine margin_of_pair
 
-    !> The radius n of the ball about the coupler's axis turns with the coupler, the slide's direction y with the output.
+    !> The radius of the ball about the coupler's axis turns with the coupler, the slide's direction with the output.
     subroutine margin_of_csp(mechanism, step, margin, drift)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
         type(value), intent(out) :: margin, drift
-        type(rotation) :: axis, slide
-        type(vector) :: n, y, omega
-        type(value) :: per_radius
-        integer :: side
+        type(vector) :: axis, radius, slide, omega
+        type(value) :: length, per_radius
 
-        associate (coupler => step%link(1), output => step%link(2), joint => mechanism%model%joint, bodies => mechanism%bodies)
-            side = side_of(joint(step%joint(1)), coupler)
-            axis = marker_frame(mechanism, step%joint(1), side)
-            n = marker_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), coupler)) &
-                - marker_point(mechanism, step%joint(1), side)
-            n = n - (n.dot.axis%z)*axis%z
-            per_radius = reciprocal(sqrt(n.dot.n))
-            n = rotation_of(bodies, coupler) .rotate.n
-            slide = marker_frame(mechanism, step%joint(3), side_of(joint(step%joint(3)), output))
-            y = rotation_of(bodies, output) .rotate.slide%z
-            omega = omega_of(bodies, coupler, world_axes) - omega_of(bodies, output, world_axes)
-            margin = per_radius*(n.dot.y)
-            drift = per_radius*(omega.dot.(n.cross.y))
-        end associate
+        call csp_lines(mechanism, step, axis, radius, length, slide)
+        per_radius = reciprocal(length)
+        omega = omega_of(mechanism%bodies, step%link(1), world_axes) - omega_of(mechanism%bodies, step%link(2), world_axes)
+        margin = per_radius*(radius.dot.slide)
+        drift = per_radius*(omega.dot.(radius.cross.slide))
     end subroutine margin_of_csp
 
     !> Product of the lengths of both ways.

@@ -30,6 +30,7 @@ def test_sources_keep_the_order() -> None:
         ("linalg", "call dgesvx(a)", "LAPACK"),
         ("analysis", "call get_command_argument(1, name)", "the command line"),
         ("files", "error stop 1", "stop"),
+        ("files", "public :: orphan", "orphan is public, and nobody else knows it"),
         ("files", "function f() bind(c, name=\"linkdyn_upper\")", "the name of a module"),
     ],
 )
