@@ -250,8 +250,8 @@ contains
         type(wanted_type) :: wanted
 
         wanted = all_wanted(config%options%solver)
-        if (config%no_output) wanted = wanted_type(reaction=wanted%reaction, joint_variable=.false., power=.false., checks=.false., &
-                                                   friction=.false.)
+        if (config%no_output) wanted = wanted_type(reaction=wanted%reaction, joint_variable=.false., power=.false., &
+                                                   checks=.false., friction=.false.)
     end function default_wanted
 
     !> One option with its value, or the name of the scene.

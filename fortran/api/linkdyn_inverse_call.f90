@@ -286,9 +286,10 @@ contains
         call check_size("status", size(sample_status, kind=int64), 1, n, status)
         do i = 1, n_room
             associate (width => room_width(model, room_id(i)))
-                if (associated(room(i)%real)) call check_size(result_name(room_id(i)), size(room(i)%real, kind=int64), width, n, status)
-                if (associated(room(i)%integer)) call check_size(result_name(room_id(i)), size(room(i)%integer, kind=int64), width, n, &
-                                                                 status)
+                if (associated(room(i)%real)) &
+                    call check_size(result_name(room_id(i)), size(room(i)%real, kind=int64), width, n, status)
+                if (associated(room(i)%integer)) &
+                    call check_size(result_name(room_id(i)), size(room(i)%integer, kind=int64), width, n, status)
             end associate
         end do
     end subroutine check_arrays

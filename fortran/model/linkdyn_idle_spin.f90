@@ -24,6 +24,7 @@ module linkdyn_idle_spin
     implicit none (type, external)
     private
     public :: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins, square_to
+    public :: distance_from, is_round              ! of the submodule
 
     !> Links that spin as one.
     type :: idle_spin
