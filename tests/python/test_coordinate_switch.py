@@ -735,3 +735,17 @@ def test_what_stands_still_is_not_thrown_back(name: str, method: str) -> None:
     run = linkdyn.Scene(content, folder=file.parent).forward(t=np.linspace(0, 0.05, 3), method=method)
     assert run.attrs["stopped"] == "" and not run.status.values.any()
     assert run.attrs["right_hand_sides"] < 10_000
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_drives_follow_the_motion_through_phases(solver: str) -> None:
+    """A phase that takes over where another stood begins without records: that of the motion's own forces was read after its end.
+
+    What the drives apply is open loop, and a load that pulls makes it unstable, so the run leaves the motion; the balance of energy does not.
+    """
+    run = linkdyn.load(ROOT / "tests" / "python" / "scenes" / "toggle_by_cylinder.toml").forward(solver=solver)
+    assert run.attrs["stopped"] == "" and not run.status.values.any()
+    assert "angle of A" in run.attrs["coordinates_integrated"]
+    motion = linkdyn.load(ROOT / "tests" / "python" / "scenes" / "toggle_by_cylinder.toml").inverse(want="driving_force")
+    np.testing.assert_allclose(run.driving_force, motion.driving_force, rtol=1e-9, atol=1e-6)
+    assert run.power_imbalance.max() < 1e-9
