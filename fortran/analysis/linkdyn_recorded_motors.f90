@@ -1,6 +1,6 @@
 !> Laws at motors in rates that come from a record: the record takes driving forces and gives what of them is transmitted, linear in
 !> each other, so what transmissions lose is found from a few runs of it, as the lanes find it from a few solutions of their equations
-!> (`linkdyn_transmission_losses`).
+!> (`linkdyn_transmission_losses`): one as it is, one for each transmission, and the caller's with what was found.
 module linkdyn_recorded_motors
     use linkdyn_contact, only: contact_type, n_press
     use linkdyn_friction_balance, only: balance_friction

@@ -1,4 +1,7 @@
 !> Was the process told to stop? Long work asks between its pieces and comes back early; its caller knows by asking again.
+!>
+!> The executable notes a first signal where a run can end by itself, else it ends at once and removes its part. Calls from Python
+!> listen beside the program's own handler, and are made once more unless Python's handler raised.
 module linkdyn_interrupt
     use, intrinsic :: iso_c_binding, only: c_int
     implicit none (type, external)

@@ -1,5 +1,9 @@
 !> Samples of a forward run, of one call: they wait for each other, since lanes evaluate several at once, are told in the user's
 !> coordinates, and turned into forces by the equations of inverse dynamics, phase by phase.
+!>
+!> States of output wait until the lanes are full, each with the assembly, turns and angles from which it sets out
+!> (`standing_lanes`), so that those of several steps are evaluated together. They do not wait beyond what a step may change (events,
+!> clutches, controllers, friction, laws over the state), nor beyond a phase (`wants_outputs`).
 module linkdyn_forward_samples
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room

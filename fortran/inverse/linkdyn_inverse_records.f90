@@ -1,4 +1,8 @@
 !> Batches by the record of their scene: whether one is worth while, found or made, believed, run.
+!>
+!> A solver keeps one record for each choice of results, where nothing but results of the catalogue is asked for. It runs straight
+!> from and into the caller's arrays; samples at which it raises its alarm are left to the lanes. A motion is followed by a record of
+!> its own, of the margins, which `follow_assembly` knows as a `margin_source`.
 submodule (linkdyn_inverse) linkdyn_inverse_records
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_agreement, only: agreement, are_alike

@@ -1,4 +1,7 @@
-"""The scene of a robot that was read from a file of another program."""
+"""The scene of a robot that was read from a file of another program.
+
+Welds are taken in, loops are closed, freedoms that lead are found from the loops' rates off the start, and idle spins are found.
+"""
 
 from __future__ import annotations
 

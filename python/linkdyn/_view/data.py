@@ -1,4 +1,9 @@
-"""A run as the viewer takes it (viewer/src/data.js): a description for JSON, and one block of numbers."""
+"""A run as the viewer takes it (viewer/src/data.js): a description for JSON, and one block of numbers.
+
+Python says what is there (links, joints with their travel, forces and where they act, charts with units), JavaScript what it looks like.
+Numbers are as exact as a screen needs and as small as a mail wants: of rotations two columns in 16 bit, positions in single precision,
+results in single precision cut to 16 binary digits.
+"""
 
 from __future__ import annotations
 
