@@ -53,7 +53,7 @@ module linkdyn_joint_table
     integer, parameter :: most_slides = 2
 
     !> What there is to know of a kind.
-    type :: joint_kind
+    type :: kind_row
         integer :: id = 0                                            !! one of `joint_*`, `pose_*`
         character(len=11) :: name = ""                               !! in scenes
         integer :: n_variable = 0
@@ -61,7 +61,7 @@ module linkdyn_joint_table
         integer :: slide_axis(most_slides) = 0                       !! of the first marker, along which the second moves; 0: no more
         integer :: force = along_nothing, moment = along_nothing     !! directions transmitted, of `along_*`
         logical :: is_in_plane = .false.                             !! exists in planar scenes
-    end type joint_kind
+    end type kind_row
 
     character(len=variable_len), parameter, dimension(most_variables) :: no_variable = "", &
         one_angle = [character(len=variable_len) :: "angle", "", ""], &
@@ -71,26 +71,26 @@ module linkdyn_joint_table
         in_a_plane = [character(len=variable_len) :: "x", "y", "angle"], &
         a_place = [character(len=variable_len) :: "x", "y", "z"], &
         three_angles = [character(len=variable_len) :: "roll", "pitch", "yaw"]
-    type(joint_kind), parameter :: kinds(n_kind) = [ &
-        joint_kind(joint_revolute, "revolute", 1, one_angle, [0, 0], along_axes, along_x_and_y, .true.), &
-        joint_kind(joint_prismatic, "prismatic", 1, one_slide, [3, 0], along_x_and_y, along_axes, .true.), &
-        joint_kind(joint_cylindrical, "cylindrical", 2, angle_and_slide, [3, 0], along_x_and_y, along_x_and_y, .false.), &
-        joint_kind(joint_universal, "universal", 2, two_angles, [0, 0], along_axes, along_normal, .false.), &
-        joint_kind(joint_spherical, "spherical", 3, three_angles, [0, 0], along_axes, along_nothing, .false.), &
-        joint_kind(joint_fixed, "fixed", 0, no_variable, [0, 0], along_axes, along_axes, .true.), &
-        joint_kind(joint_planar, "planar", 3, in_a_plane, [1, 2], along_z, along_x_and_y, .false.), &
-        joint_kind(joint_screw, "screw", 1, one_angle, [3, 0], along_x_and_y, along_x_and_y, .false.), &
-        joint_kind(joint_gear, "gear", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
-        joint_kind(joint_rack, "rack", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
-        joint_kind(joint_belt, "belt", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
-        joint_kind(joint_cam, "cam", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
-        joint_kind(pose_position, "position", 3, a_place, [0, 0], along_nothing, along_nothing, .false.), &
-        joint_kind(pose_attitude, "attitude", 3, three_angles, [0, 0], along_nothing, along_nothing, .false.), &
-        joint_kind(joint_groove, "groove", 0, no_variable, [0, 0], along_x_and_y, along_nothing, .false.), &
-        joint_kind(joint_plate, "plate", 0, no_variable, [0, 0], along_z, along_nothing, .false.), &
-        joint_kind(joint_loose, "nothing", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.), &
-        joint_kind(joint_key, "key", 0, no_variable, [0, 0], along_nothing, along_normal, .false.), &
-        joint_kind(joint_thread, "thread", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.)]
+    type(kind_row), parameter :: kinds(n_kind) = [ &
+        kind_row(joint_revolute, "revolute", 1, one_angle, [0, 0], along_axes, along_x_and_y, .true.), &
+        kind_row(joint_prismatic, "prismatic", 1, one_slide, [3, 0], along_x_and_y, along_axes, .true.), &
+        kind_row(joint_cylindrical, "cylindrical", 2, angle_and_slide, [3, 0], along_x_and_y, along_x_and_y, .false.), &
+        kind_row(joint_universal, "universal", 2, two_angles, [0, 0], along_axes, along_normal, .false.), &
+        kind_row(joint_spherical, "spherical", 3, three_angles, [0, 0], along_axes, along_nothing, .false.), &
+        kind_row(joint_fixed, "fixed", 0, no_variable, [0, 0], along_axes, along_axes, .true.), &
+        kind_row(joint_planar, "planar", 3, in_a_plane, [1, 2], along_z, along_x_and_y, .false.), &
+        kind_row(joint_screw, "screw", 1, one_angle, [3, 0], along_x_and_y, along_x_and_y, .false.), &
+        kind_row(joint_gear, "gear", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        kind_row(joint_rack, "rack", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        kind_row(joint_belt, "belt", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        kind_row(joint_cam, "cam", 0, no_variable, [0, 0], along_nothing, along_nothing, .true.), &
+        kind_row(pose_position, "position", 3, a_place, [0, 0], along_nothing, along_nothing, .false.), &
+        kind_row(pose_attitude, "attitude", 3, three_angles, [0, 0], along_nothing, along_nothing, .false.), &
+        kind_row(joint_groove, "groove", 0, no_variable, [0, 0], along_x_and_y, along_nothing, .false.), &
+        kind_row(joint_plate, "plate", 0, no_variable, [0, 0], along_z, along_nothing, .false.), &
+        kind_row(joint_loose, "nothing", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.), &
+        kind_row(joint_key, "key", 0, no_variable, [0, 0], along_nothing, along_normal, .false.), &
+        kind_row(joint_thread, "thread", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.)]
 
     ! ---- its columns, by the number of the kind
     character(len=11), parameter :: joint_kind_name(n_kind) = kinds%name
