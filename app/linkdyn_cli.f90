@@ -151,7 +151,7 @@ contains
             select case (word)
             case ("--version")
                 config%command = command_version
-                if (size(arguments) > 1) call refuse(quoted(arguments(2)%text)//": one word too many (expected --version alone)")
+                if (size(arguments) > 1) call refuse(quoted(arguments(2)%text)//": unexpected argument (expected --version alone)")
                 return
             case ("--help", "-h", "help")
                 config%help = .true.

@@ -114,7 +114,7 @@ contains
         if (n < 2 .and. config%n_sample == 0) n = usual_n_sample
         if (.not. (last > first .and. last <= huge(last))) then
             call fail(status, status_bad_input, trim(config%scene)//": a run from "//to_text(first)//" s to " &
-                      //to_text(last)//" s goes nowhere (expected [time] end, or --until)")
+                      //to_text(last)//" s has no duration (expected [time] end, or --until)")
             return
         end if
         instants = instants_type(first, last, n)

@@ -156,7 +156,7 @@ contains
         real(wp), intent(in) :: first, last          !! [s]
         character(len=:), allocatable :: words
 
-        words = "a run from "//to_text(first)//" s to "//to_text(last)//" s goes nowhere (expected [time] end, or --until)"
+        words = "a run from "//to_text(first)//" s to "//to_text(last)//" s has no duration (expected [time] end, or --until)"
     end function nowhere
 
     subroutine print_inverse(row, unit)

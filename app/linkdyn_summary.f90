@@ -316,7 +316,7 @@ contains
         if (whole%lack%time == part%lack%time) whole%asked = part%asked
     end subroutine join_excess
 
-    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m asked for, 4 N m there"; blank: none is overloaded.
+    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m required, 4 N m available"; blank: none is overloaded.
     function overloads(layout, summary) result(text)
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(in) :: summary
@@ -333,7 +333,7 @@ contains
         end do
     end function overloads
 
-    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 145.2 bar asked for, 120 bar there"
+    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 145.2 bar required, 120 bar available"
     function pressures_above(scene, summary) result(text)
         type(scene_type), intent(in) :: scene
         type(summary_type), intent(in) :: summary
@@ -349,7 +349,7 @@ contains
         end do
     end function pressures_above
 
-    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 1.15 m asked for, 0.6 m to 1.1 m there"
+    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 1.15 m required, 0.6 m to 1.1 m available"
     function strokes_left(scene, summary) result(text)
         type(scene_type), intent(in) :: scene
         type(summary_type), intent(in) :: summary
@@ -376,7 +376,7 @@ contains
         if (excess%event%n == 0) return
         if (text /= "") text = text//"; "
         text = text//what//" in "//times_text(excess%event)//", most at t = "//significant(excess%lack%time)//" s: " &
-               //asked//" asked for, "//there//" there"
+               //asked//" required, "//there//" available"
     end subroutine tell_excess
 
     !> Controllers whose outputs are at a limit.
@@ -609,12 +609,12 @@ contains
         if (limits_reached(layout, summary) /= "") write (unit, "(a)") "  at their limits  "//limits_reached(layout, summary)
         call print_lifts()
         if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)
-        if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
+        if (summary%anew%n > 0) write (unit, "(a)") "  reassembled      from the start of the scene, at " &
             //times_text(summary%anew)
         if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
             " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
         if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
-            to_text(summary%roads%dense)//" samples whose pivots were not to be trusted"
+            to_text(summary%roads%dense)//" samples with unreliable pivots"
         if (index(code_in_use(), " ") > 0) write (unit, "(a)") "  machine code     "//code_in_use()
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
             " us per sample, "//significant(seconds)//" s in all"

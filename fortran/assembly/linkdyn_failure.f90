@@ -37,7 +37,7 @@ contains
         else if (i > 0) then
             text = links_of(model, model%step(i))
             if (state%branch_lost(lane)) then
-                text = text//" hang by gears on an angle that a loop gives and that is half a turn from its start: which turn " &
+                text = text//" depend through gears on an angle of a loop that is half a turn from its start: which turn " &
                        //"it is cannot be told"
                 return
             end if
@@ -58,7 +58,7 @@ contains
             text = "payload on "//quoted(model%scene%payload(payload_below_zero(model, state, lane))%name) &
                    //" has a mass below zero"
         else if (status == sample_undefined) then
-            text = "a force is beyond all numbers"
+            text = "a force overflows"
         else if (status == sample_singular) then
             text = "the equations of motion are singular"
         else if (status == sample_unreachable) then
@@ -203,7 +203,7 @@ contains
         case (sample_singular)
             text = text//" are at a dead point or change point: their rates are not determined"
         case (sample_not_converged)
-            text = text//" cannot be followed beyond "//place_in_words(model, lost)//" in as many steps as a way may take"
+            text = text//" cannot be followed beyond "//place_in_words(model, lost)//" within the step limit"
         case default
             if (all(lost%from == lost%to)) then
                 text = text//" cannot be closed at the start"//span_in_words(model, lost, i)//choice_in_words(model)

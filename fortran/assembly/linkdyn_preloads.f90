@@ -34,7 +34,7 @@ contains
         do i = 1, model%n_actuator
             if (model%scene%actuator(i)%preload == 0 .or. part(i) > idle .or. .not. status%is_ok()) cycle
             call fail(status, status_bad_input, "actuator "//quoted(model%scene%actuator(i)%name) &
-                      //": its 'preload' strains nothing, as no other drive can hold against it (expected more drives than " &
+                      //": its 'preload' has no effect, as no other drive can hold against it (expected more drives than " &
                       //"coordinates, among those that it shares the work with)")
         end do
     end subroutine refuse_idle_preloads

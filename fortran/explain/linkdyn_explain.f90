@@ -189,7 +189,7 @@ contains
         do j = 1, model%n_joint
             if (.not. is_released(model%joint(j))) cycle
             how = "closes the loop as "//trim(joint_kind_name(model%joint(j)%kind))
-            if (model%joint(j)%gear > 0) how = "its wheels are tied without it"
+            if (model%joint(j)%gear > 0) how = "its wheels are coupled without it"
             write (unit, "(2x,a24,a)") adjustl(model%joint(j)%name), trim(joint_kind_name(model%joint(j)%told_kind))//", "//how
         end do
         write (unit, "(2x,a)") "not determined by the equations: "//shares_in_words(model)
@@ -350,7 +350,7 @@ contains
             else if (is_limited(i)) then
                 words = "closes "//reach_in_words(model, k, lowest(i), highest(i))
             else if (is_length(model, k) .or. is_screw(model, k)) then
-                words = trim(model%scene%coordinate(k)%name)//" goes farther than the mechanism is long"
+                words = trim(model%scene%coordinate(k)%name)//" may move farther than the mechanism is long"
             else
                 words = trim(model%scene%coordinate(k)%name)//" goes all the way round"
             end if

@@ -133,8 +133,8 @@ contains
 
         text = "the cylinder of actuator "//quoted(model%scene%actuator(cylinders%culprit)%name)
         if (cylinders%is_torn) then
-            text = text//" would pull at the oil of a chamber, which tears (expected 'air' in the oil, which then fills the " &
-                   //"chamber)"
+            text = text//" would put the oil of a chamber under tension: cavitation (expected 'air' in the oil, " &
+                   //"which then fills the chamber)"
         else
             text = text//" has come to an end of its stroke (expected an end stop there)"
         end if

@@ -25,7 +25,8 @@ contains
                 if (self%layout%pressure(i) == 0) cycle
                 call put(self, i, spread(given(:, i), 1, lanes), y)
                 if (.not. is_pressed(given(:, i))) call fail(status, status_bad_input, "pressure: one of actuator " &
-                    //quoted(self%model%scene%actuator(i)%name)//" is below empty space (expected them above the atmosphere's)")
+                    //quoted(self%model%scene%actuator(i)%name)//" is below absolute vacuum "// &
+                    "(expected gauge pressures, above the atmosphere's)")
             end do
         else
             has_all = .true.

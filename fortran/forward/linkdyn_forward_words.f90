@@ -139,11 +139,11 @@ contains
                 reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
             else
                 reason = reason//"a coordinate comes to its dead point, and at these tolerances every step " &
-                         //"leads to a mechanism thrown back"
+                         //"leads to a mechanism that reverses"
             end if
         else if (has_blind_controller(run)) then
             reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
-                     //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
+                     //" has no output: its measured value, its target or its feed-forward is undefined beyond"
         else if (has_come_to_end(run)) then
             reason = reason//end_of_cylinder(run%system%cylinders, run%model)
         else
@@ -159,9 +159,9 @@ contains
                 reason = reason//too_long_in_words(run)
             case (stop_pace)
                 status = sample_not_converged
-                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
-                if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
-                    "(expected a law that changes over a small speed, tanh(v/v0))"
+                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not reach the end within the step limit"
+                if (run%system%n_jump > many_jumps) reason = reason//": a law alternates between two values, "// &
+                    "as a sign() does at rest (expected a law that changes over a small speed, tanh(v/v0))"
             case default
                 ! whichever of the stages side by side has failed
                 lane = findloc(run%system%workspace%status /= sample_ok, .true., dim=1)
@@ -172,7 +172,7 @@ contains
                         if (of_stage == sample_not_converged) reason = reason//too_long_in_words(run)
                     end associate
                 else
-                    reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
+                    reason = reason//"the step size tends to zero, as it does where the equations of motion are singular"
                 end if
             end select
             too_stiff = stiffness_in_words(run)

@@ -224,7 +224,8 @@ contains
         type(status_type), intent(inout) :: status
 
         if (.not. allocated(self%integrator)) &
-            call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
+            call fail(status, status_bad_input, "the simulator has no valid state after a failed reset "// &
+                      "(expected another reset first)")
     end subroutine need_place
 
     !> Go on to an instant under these forces, for a quarter of a second of computing at most: `read` says how far it got.
@@ -305,7 +306,7 @@ contains
         case (stop_growth)
             why = "the motion grows without bound"
         case (stop_pace)
-            why = "more steps are needed than anyone would wait for"
+            why = "the step limit is reached"
         case default
             why = failure_at(self%model, self%system%workspace%state, self%system%obstacle(1), 1)
             if (self%system%cylinders%culprit > 0 .and. self%system%obstacle(1) == sample_undefined) &

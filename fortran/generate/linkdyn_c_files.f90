@@ -74,12 +74,12 @@ contains
         write (unit, "(a)") "/* What a call found. But for "//large//"_OK the output stays as it was. */", &
             "enum "//name//"_status {", &
             "    "//large//"_OK = 0,", &
-            "    "//large//"_NOT_A_NUMBER = 1, /* an input is none, or infinite */", &
+            "    "//large//"_NOT_A_NUMBER = 1, /* an input is NaN or infinite */", &
             "    "//large//"_OUT_OF_REACH = 2, /* a loop cannot be closed, or hardly */", &
             "    "//large//"_ALARM = 3, /* too near a singular position: digits may be lost */", &
             "    "//large//"_OVERFLOW = 4"//trim(merge(", ", "  ", has_state(code)))//" /* a result is not finite */"
         if (has_state(code)) write (unit, "(a)") &
-            "    "//large//"_NOT_FOLLOWED = 5 /* no way there from the last call's places: too long a step, or it ends */"
+            "    "//large//"_NOT_FOLLOWED = 5 /* not reached from the last call's places: too long a step, or a dead end */"
         write (unit, "(a)") "};", &
             "", &
             "/* The scene at its start: at rest, with the loads of its first instant. */", &
@@ -236,7 +236,7 @@ contains
             "#endif", &
             ""
         write (unit, "(a)") "#ifdef __FAST_MATH__", &
-            "#error ""with -ffast-math nobody would be told of results that are no numbers""", &
+            "#error ""with -ffast-math results that are NaN or infinite would go unnoticed""", &
             "#endif", &
             "", &
             "struct work {", &

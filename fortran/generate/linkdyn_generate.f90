@@ -140,7 +140,7 @@ contains
             .true., dim=1))%name)//" changes with time (expected one that is always there, or the kernel kinematics)")
         if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
-            " throws back (expected a scene without stops, or another kernel)")
+            " has impacts (expected a scene without stops, or another kernel)")
         if (n_clutch(model%scene) > 0 .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: clutch "//quoted(model%scene%clutch(1)%name)//" comes to rest and breaks loose "// &
             "(expected a scene without clutches, or another kernel)")
@@ -245,8 +245,8 @@ contains
         if (status%is_ok()) then
             call compare_kernel(model, equations, poses%assembly, sample, controller, drives, verdict)
             if (verdict == kernel_differs) call refuse_what_differs(status)
-            if (verdict == kernel_unsure) call refuse("at no pose that was tried could what it finds be compared with what the "// &
-                "engine finds, as near dead points and by threads whose lead is small beside the mechanism", status)
+            if (verdict == kernel_unsure) call refuse("its results could not be compared with the engine's at any of the poses "// &
+                "tried, as happens near dead points and with threads whose lead is small beside the mechanism", status)
         end if
         call free_equations(equations)
     end subroutine check_kernel
@@ -254,8 +254,8 @@ contains
     subroutine refuse_what_differs(status)
         type(status_type), intent(inout) :: status
 
-        call refuse("it would find other numbers than the engine at most of the poses that were tried, which is a fault of "// &
-                    "linkdyn's (expected another kernel; please report the scene)", status)
+        call refuse("its results differ from the engine's at most of the poses tried, which is a fault of linkdyn "// &
+                    "(expected another kernel; please report the scene)", status)
     end subroutine refuse_what_differs
 
     !> Newton's steps of groups closed by iteration, and where their links are at the start.
@@ -369,8 +369,8 @@ contains
             call look_for_record(model, wanted, is_there, is_uncertain, is_refuted, status)
             if (is_there .or. .not. status%is_ok()) return
             link = [(model%group(g)%link, g=1, size(model%group))]
-            if (is_uncertain) call refuse("at all poses that were tried links "//join(model%link(link)%name)//" are placed with " &
-                //"too few digits for its forces to be compared with those of the engine, as by threads whose lead is small " &
+            if (is_uncertain) call refuse("at all poses tried links "//join(model%link(link)%name)//" are placed with too few " &
+                //"digits for its forces to be compared with the engine's, as happens with threads whose lead is small " &
                 //"beside the mechanism (expected the kernel forward or kinematics)", status)
             if (is_refuted) call refuse_what_differs(status)
             if (.not. (is_uncertain .or. is_refuted)) call refuse("the scene has no record (linkdyn explain shows what it has)", &
@@ -444,7 +444,7 @@ contains
         if (wish%kernel == kernel_forward) call add(field("qdd", "accelerations of the coordinates [m/s2, rad/s2]", result_qdd, &
                                                           [of_coordinates], list))
         if (has("driving_force")) call add(field("driving_force", &
-            "driving forces and torques, positive when they drive the joint variable up [N, N m]", result_driving_force, &
+            "driving forces and torques, positive in the direction of increasing joint variable [N, N m]", result_driving_force, &
             [of_actuators], list))
         if (has("reaction")) call add(field("reaction", &
             "wrench of the joint's first link on its second, at the joint point, world axes [N, N m]", result_reaction, &

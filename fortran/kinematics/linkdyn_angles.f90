@@ -92,7 +92,7 @@ contains
         if (.not. all(ieee_is_finite(r))) then
             fault = "is not of finite numbers"
         else if (.not. most <= off) then
-            fault = "is no rotation: its rows are not unit vectors square to each other, by "//to_text(most)
+            fault = "is not a rotation: its rows are not orthonormal, by "//to_text(most)
         else if (dot_product(r(1, :), cross(r(2, :), r(3, :))) < 0) then
             fault = "mirrors (expected a rotation, whose determinant is 1)"
         end if

@@ -150,8 +150,9 @@ contains
         associate (c => gear%curvature)
             least = -minval(c)/maxval(c)
             if (efficiency <= least) then
-                call refuse(spec, "efficiency = "//to_text(efficiency)//", which no sliding of teeth makes: both wheels hardly "// &
-                            "turn against each other (expected more than "//to_text(least)//", the ratio of the teeth)", status)
+                call refuse(spec, "efficiency = "//to_text(efficiency)//", which sliding of teeth cannot account for: both "// &
+                            "wheels hardly turn against each other (expected more than "//to_text(least)// &
+                            ", the ratio of the teeth)", status)
                 return
             end if
             contact%radius = 1/sum(c)
@@ -187,7 +188,7 @@ contains
         end do
         reach = reach/base_pitch
         if (sum(reach) < 1) then
-            call refuse(spec, "its teeth lose touch before the next ones meet: contact ratio "//to_text(sum(reach))// &
+            call refuse(spec, "its teeth lose contact before the next pair meets: contact ratio "//to_text(sum(reach))// &
                         " (expected 1 or more, of teeth as high as their module; or 'efficiency')", status)
             return
         end if

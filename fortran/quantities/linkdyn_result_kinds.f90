@@ -90,7 +90,7 @@ module linkdyn_result_kinds
         result_kind(result_qd, "qd", "first time derivative of the generalized coordinates"), &
         result_kind(result_qdd, "qdd", "second time derivative of the generalized coordinates"), &
         result_kind(result_driving_force, "driving_force", &
-            "driving force or torque, positive when it drives the joint variable up"), &
+            "driving force or torque, positive in the direction of increasing joint variable"), &
         result_kind(result_driving_speed, "driving_speed", "rate of the driven joint variable"), &
         result_kind(result_driving_power, "driving_power", "mechanical power delivered by the actuator"), &
         result_kind(result_reaction, "reaction", &
@@ -103,17 +103,17 @@ module linkdyn_result_kinds
         result_kind(result_error, "error", "relative error bound or estimate of the forces"), &
         result_kind(result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan"), &
         result_kind(result_power_imbalance, "power_imbalance", &
-            "driving and external power less change of energy, relative to the powers that the forces could have"), &
+            "driving and external power less rate of change of energy, relative to the largest powers of the forces"), &
         result_kind(result_kinetic_energy, "kinetic_energy", "kinetic energy of all links"), &
         result_kind(result_potential_energy, "potential_energy", &
             "potential energy of gravity, zero at the origin, and of springs"), &
         result_kind(result_work, "work", "work of the driving forces since the start"), &
-        result_kind(result_closure, "closure", "largest distance or angle by which a joint misses (m, rad)"), &
+        result_kind(result_closure, "closure", "largest closure error of a joint (m, rad)"), &
         result_kind(result_step, "step", "last step of the integrator"), &
         result_kind(result_driving_force_error, "driving_force_error", &
-            "estimated error of the driving force, infinite where it says nothing"), &
+            "estimated error of the driving force, infinite where unknown"), &
         result_kind(result_reaction_error, "reaction_error", &
-            "estimated error of the reaction, infinite where it says nothing"), &
+            "estimated error of the reaction, infinite where unknown"), &
         result_kind(result_transmission_angle, "transmission_angle", &
             "transmission angle of the dyad, 0 at its dead points to pi/2"), &
         result_kind(result_stand_in, "stand_in", &
@@ -123,7 +123,7 @@ module linkdyn_result_kinds
         result_kind(result_qdd_error, "qdd_error", "estimated error of their second time derivative"), &
         result_kind(result_joint_rate_error, "joint_rate_error", "estimated error of the rates of the joint variables"), &
         result_kind(result_singularity_distance, "singularity_distance", &
-            "how far coordinates may move until the equations are singular, to first order; angles times `length` [m]"), &
+            "distance in the coordinates to the nearest singular position, first order; angles times `length` [m]"), &
         result_kind(result_assembly, "assembly", "how the assembly of the sample was found"), &
         result_kind(result_position, "position", "origins of the links, world axes"), &
         result_kind(result_rotation, "rotation", "from link axes to world axes"), &
@@ -135,7 +135,7 @@ module linkdyn_result_kinds
         result_kind(result_joint_push, "joint_push", "what acts at joints beside reactions"), &
         result_kind(result_friction, "friction", &
             "wrench of friction of the first link of the joint on the second, at the joint point, world axes"), &
-        result_kind(result_friction_power, "friction_power", "power that friction in the joint takes"), &
+        result_kind(result_friction_power, "friction_power", "power dissipated by friction in the joint"), &
         result_kind(result_transmission_force, "transmission_force", &
             "driving force transmitted to the links, rotor inertia deducted"), &
         result_kind(result_motor_torque, "motor_torque", "torque of the motor"), &
@@ -144,22 +144,22 @@ module linkdyn_result_kinds
         result_kind(result_motor_current, "motor_current", "current of the motor"), &
         result_kind(result_transmission_loss, "transmission_loss", "power lost in the transmission"), &
         result_kind(result_torque_margin, "torque_margin", &
-            "available less required motor torque at this speed; below zero the motor's limits are exceeded"), &
+            "available less required motor torque at this speed; negative: overloaded"), &
         result_kind(result_brake_torque, "brake_torque", "brake torque"), &
         result_kind(result_contact_force, "contact_force", &
-            "normal force with which follower and cam press; below zero the follower would lift"), &
+            "normal contact force; negative: the follower would lift off"), &
         result_kind(result_pressure_angle, "pressure_angle", &
-            "angle between the normal and the way of the follower in its guide, 0 to pi/2"), &
-        result_kind(result_strand_force, "strand_force", "tension of a belt's strand; zero: it is slack"), &
+            "pressure angle: between the contact normal and the follower's motion in its guide, 0 to pi/2"), &
+        result_kind(result_strand_force, "strand_force", "tension of a belt strand; zero: slack"), &
         result_kind(result_controller_target, "controller_target", "setpoint at the latest controller sample"), &
         result_kind(result_controller_error, "controller_error", "control error at the latest controller sample"), &
         result_kind(result_controller_output, "controller_output", "output of the controller in effect"), &
         result_kind(result_controller_limited, "controller_limited", "whether the output is saturated"), &
         result_kind(result_clutch_force, "clutch_force", &
             "force or torque of the clutch, positive in the direction of increasing slip"), &
-        result_kind(result_clutch_slip, "clutch_slip", "rate at which the clutch slips"), &
+        result_kind(result_clutch_slip, "clutch_slip", "slip rate of the clutch"), &
         result_kind(result_clutch_state, "clutch_state", "state of the clutch"), &
-        result_kind(result_cylinder_pressure, "cylinder_pressure", "pressure in the chamber, above the atmosphere's"), &
+        result_kind(result_cylinder_pressure, "cylinder_pressure", "gauge pressure in the chamber"), &
         result_kind(result_cylinder_flow, "cylinder_flow", "flow through the valve into the chamber")]
 
 contains

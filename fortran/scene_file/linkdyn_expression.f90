@@ -465,7 +465,7 @@ contains
             call fail(reader, "raises to "//dimension_text(exponent%power)//" (expected a plain number as exponent)")
         else if (any(abs(power) > largest_power) .or. any(abs(power - anint(power)) > largest_power*epsilon(1.0_wp))) then
             call fail(reader, "raises "//dimension_text(base%power)//" to "//to_text(exponent%value)// &
-                ", which leaves no dimension of whole powers")
+                ", which leaves a dimension with fractional or huge powers")
         else if (base%node > 0) then
             if (abs(exponent%value - anint(exponent%value)) > 0 .or. abs(exponent%value) > largest_power) then
                 call join(reader, node_power, base, measured_value(exponent%value))
@@ -636,7 +636,7 @@ contains
             if (name == "tan") found%value = tan(x%value)
         case ("asin", "acos")
             if (any(x%power /= 0) .or. (abs(x%value) > 1 .and. .not. is_formula)) then
-                call fail(reader, "has "//name//" of what is no number from -1 to 1")
+                call fail(reader, "has "//name//" of a value outside [-1, 1]")
                 return
             end if
             found = measured_value(power=is_angle, has_unit=.true.)

@@ -99,7 +99,7 @@ contains
 
         if (.not. status%is_ok()) return
         if (reading%interpolation /= spline) then
-            call refuse(place, "quaternions are led through by splines alone (expected interpolation = ""spline"")", status)
+            call refuse(place, "quaternions are interpolated by splines only (expected interpolation = ""spline"")", status)
             return
         end if
         associate (table => shelf%place(reading%table)%table)
@@ -167,7 +167,7 @@ contains
             near = dot_product(p(i, :), p(i - 1, :))
             if (abs(near) < too_far) then
                 call fail(status, status_bad_input, file//":"//to_text(line(i))//": the attitude is more than 120 degrees from "// &
-                    "that of the row before (expected rows that tell the way between them)")
+                    "that of the row before (expected rows near enough to define the rotation between them)")
                 return
             end if
             p(i, :) = sign(1.0_wp, near)*p(i, :)

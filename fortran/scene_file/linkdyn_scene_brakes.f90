@@ -64,7 +64,7 @@ contains
         else if (.not. has_until) then
             switch%begins_on = .false.
         else if (has_event) then
-            call refuse_missing(inner, "begins", "'on' or 'off': with an event nobody knows which comes first", status)
+            call refuse_missing(inner, "begins", "'on' or 'off': the initial state is not defined by events", status)
         else
             switch%begins_on = switch%until < switch%from
         end if

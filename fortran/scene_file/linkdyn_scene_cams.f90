@@ -68,7 +68,8 @@ contains
         if (cam%follower == follower_roller .and. .not. has_radius) then
             call refuse_missing(place, "radius", "that of the roller, for example '10 mm'", status)
         else if (cam%follower /= follower_roller .and. has_radius) then
-            call refuse_value(place, "radius", place%node%get("radius"), "has no meaning here: the follower is no roller", status)
+            call refuse_value(place, "radius", place%node%get("radius"), &
+                              "has no meaning here: the follower is not a roller", status)
         else if (has_radius .and. .not. cam%radius > 0) then
             call refuse_value(place, "radius", place%node%get("radius"), "= "//to_text(cam%radius) &
                               //" m (expected more than zero)", status)

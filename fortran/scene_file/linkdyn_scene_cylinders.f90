@@ -126,15 +126,15 @@ contains
         inner = place_at(place, node, trim(place%what)//", gas")
         call require_table(inner, "a table, { exponent = 1.3 }", status)
         call allow_keys(inner, [character(len=8) :: "exponent"], status)
-        call require_given(inner, "exponent", plain_number, "the polytropic one, from 1 (as warm as ever) to 1.4 (quick)", &
+        call require_given(inner, "exponent", plain_number, "the polytropic one, from 1 (isothermal) to 1.4 (air, adiabatic)", &
                            cylinder%exponent, status)
         if (status%is_ok() .and. .not. (cylinder%exponent >= 1 .and. cylinder%exponent <= most_exponent)) call refuse_value(inner, &
-            "exponent", inner%node%get("exponent"), "= "//to_text(cylinder%exponent)//" (expected 1, as warm as ever, to 5/3, "// &
-            "a gas of single atoms without heat)", status)
+            "exponent", inner%node%get("exponent"), "= "//to_text(cylinder%exponent)//" (expected 1, isothermal, to 5/3, "// &
+            "monatomic, adiabatic)", status)
         do i = 1, size(of_oil)
             node = place%node%get(trim(of_oil(i)))
             if (status%is_ok() .and. node%is_present()) call refuse_value(place, trim(of_oil(i)), node, "stands beside 'gas' "// &
-                "(expected one of them: it is said of oil)", status)
+                "(expected one of them: it is a property of oil)", status)
         end do
     end subroutine read_gas
 
@@ -154,7 +154,7 @@ contains
             to_text(cylinder%supply)//" Pa)", status)
         call get_vector(place, "pressures", fluid_pressure, cylinder%start, status, cylinder%has_start)
         if (status%is_ok() .and. cylinder%has_start .and. .not. is_pressed(cylinder%start)) call refuse_value(place, "pressures", &
-            place%node%get("pressures"), "has one below empty space (expected pressures above the atmosphere's)", status)
+            place%node%get("pressures"), "has one below absolute vacuum (expected gauge pressures, above the atmosphere's)", status)
     end subroutine read_pressures
 
     !> Flow over an edge that is wide open.

@@ -287,7 +287,7 @@ contains
         if (maxval(abs(c - transpose(c))) > unlike*maxval(abs(c))) then
             call refuse_value(place, "compliance", rows, "is not symmetric", status)
         else if (gives_back(c)) then
-            call refuse_value(place, "compliance", rows, "gives back more than it takes (expected no direction in which a force " &
+            call refuse_value(place, "compliance", rows, "is not positive semidefinite (expected no direction in which a force " &
                               //"moves the marker against itself)", status)
         end if
         arm%is_beam = .false.

@@ -176,7 +176,7 @@ contains
             call read_stiffness(place, quantity%unit == "rad", value, status)
             do k = 1, 2
                 if (status%is_ok() .and. value(k) < 0) call refuse_value(place, trim(merge("stiffness", "damping  ", k == 1)), &
-                    node(k), "= "//to_text(value(k))//" would pull (expected zero or more)", status)
+                    node(k), "= "//to_text(value(k))//" would attract (expected zero or more)", status)
             end do
             if (status%is_ok() .and. .not. any(value > 0)) call refuse(place, "has neither stiffness nor damping above zero: "// &
                 "it stops nothing (expected one of them, or no such stop)", status)
@@ -264,8 +264,9 @@ contains
             call refuse_value(place, "measure", node, "= "//quoted(name)//": there is no such measure (expected a name of "// &
                 "[measures])"//suggestion(name, (shelf%book%measure%name)), status)
         else if (.not. is_place(shelf%book%measure(k))) then
-            call refuse_value(place, "measure", node, "= "//quoted(name)//" is no place (expected a joint variable, a marker's "// &
-                "coordinate, a distance, a tilt or an angle of [measures], not a rate)", status)
+            call refuse_value(place, "measure", node, "= "//quoted(name)//" is not a position "// &
+                "(expected a joint variable, a marker's coordinate, a distance, a tilt or an angle of [measures], "// &
+                "not a rate)", status)
         else
             measure = shelf%book%measure(k)
         end if
@@ -312,7 +313,7 @@ contains
         if (.not. status%is_ok()) return
         node = place%node%get("coulomb")
         if (has_creep .and. .not. has_coulomb) then
-            call refuse_missing(place, "coulomb", "the coefficient with which it rubs", status)
+            call refuse_missing(place, "coulomb", "the coefficient of friction", status)
         else if (has_coulomb .and. .not. is_spring) then
             call refuse_value(place, "coulomb", node, "is for stops that give way (expected 'stiffness' and 'damping' in place "// &
                 "of 'restitution')", status)

@@ -532,7 +532,7 @@ contains
             has_moment(i) = has_column(shelf, reading, moment_name(i))
         end do
         if (planar .and. (has_force(3) .or. any(has_moment(:2)))) then
-            call refuse(place, "the table has a column Fz, Mx or My, which a plane has not (expected Fx Fy Mz)", status)
+            call refuse(place, "the table has a column Fz, Mx or My, which planar scenes do not have (expected Fx Fy Mz)", status)
         else if (.not. any(has_force .or. has_moment)) then
             call refuse(place, "the table has no column of a load (expected some of Fx Fy Fz Mx My Mz)", status)
         end if
@@ -594,7 +594,7 @@ contains
             call find_variable(scene, place, spring%joint, spring%variable, status)
             position = variable_quantity(scene%joint(spring%joint)%kind, spring%variable)
         else if (between%kind() /= toml_array .or. between%count() /= 2) then
-            call refuse_value(place, "between", between, "is no pair (expected "//expected//")", status)
+            call refuse_value(place, "between", between, "is not a pair (expected "//expected//")", status)
         else
             do i = 1, 2
                 call find_marker(scene, place, "between", between%at(i), spring%link(i), spring%marker(i), status)
@@ -623,7 +623,7 @@ contains
         rest = place%node%get("rest")
         stiffness = place%node%get("stiffness")
         if (rest%is_present() .and. .not. stiffness%is_present()) call refuse_value(place, "rest", rest, &
-            "has no meaning without 'stiffness': damping knows no place (expected 'stiffness' beside it)", status)
+            "has no meaning without 'stiffness': a damper has no rest position (expected 'stiffness' beside it)", status)
     end subroutine refuse_rest_of_none
 
     !> Force at a slide, moment at an angle.

@@ -81,16 +81,16 @@ contains
             if (.not. (has_coulomb .or. has_viscous)) then
                 call refuse(place, "missing key 'coulomb' or 'viscous' (expected at least one)", status)
             else if (has_preload .and. .not. has_coulomb) then
-                call refuse_missing(place, "coulomb", "the coefficient with which the preload rubs", status)
+                call refuse_missing(place, "coulomb", "the coefficient of friction under the preload", status)
             else if (joint%kind == joint_cam .and. joint%cam%follower == follower_roller .and. .not. friction%radius > 0) then
                 call refuse_missing(place, "radius", "of the pin about which the roller turns, for example '4 mm'", status)
             else if (joint%kind == joint_cam .and. joint%cam%follower /= follower_roller .and. friction%radius > 0) then
                 call refuse_value(place, "radius", place%node%get("radius"), &
-                    "has no meaning here: the follower is no roller", status)
+                    "has no meaning here: the follower is not a roller", status)
             else if (has_coulomb .and. needs_radius(joint%kind) .and. .not. friction%radius > 0) then
-                call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
+                call refuse_missing(place, "radius", "of the sliding surface, for example '12 mm'", status)
             else if (friction%sticks .and. .not. has_coulomb) then
-                call refuse_missing(place, "coulomb", "the coefficient with which it sticks", status)
+                call refuse_missing(place, "coulomb", "the coefficient of static friction", status)
             else if (friction%sticks .and. joint%kind == joint_cam .and. .not. scene%planar &
                      .and. joint%cam%follower /= follower_roller) then
                 call refuse_value(place, "sticking", place%node%get("sticking"), "is for cams under a roller: in space what "// &
@@ -113,7 +113,7 @@ contains
             if (.not. status%is_ok()) return
             node = place%node%get(trim(key(i)))
             if (node%is_present()) call refuse_value(place, trim(key(i)), node, "has no meaning without 'coulomb': "// &
-                "what is viscous does not depend on what presses (expected 'coulomb' beside it)", status)
+                "viscous friction does not depend on the normal force (expected 'coulomb' beside it)", status)
         end do
     end subroutine refuse_what_presses
 
@@ -148,7 +148,7 @@ contains
             friction%coulomb = 1                       ! of what is lost
             friction%static = 1
         else if (.not. has_coulomb .and. kind /= joint_gear) then
-            call refuse_missing(place, "efficiency", "what comes out of the power that goes in, for example '97 %'", status)
+            call refuse_missing(place, "efficiency", "output over input power, for example '97 %'", status)
         else if (.not. has_coulomb) then
             call refuse(place, "missing key 'efficiency' or 'coulomb' (expected one of both)", status)
         else if (kind /= joint_gear) then
@@ -165,7 +165,8 @@ contains
         type(status_type), intent(inout) :: status
 
         if (.not. any(kind == [joint_revolute, joint_universal]) .or. planar) call refuse_key("collar", "no pin with a collar")
-        if (any(kind == [joint_spherical, joint_planar, joint_cam])) call refuse_key("length", "no two ends that take a moment")
+        if (any(kind == [joint_spherical, joint_planar, joint_cam])) &
+            call refuse_key("length", "no two ends that could bear a moment")
         if (kind == joint_revolute .and. planar) call refuse_key("length", "no tilting moment in a plane")
         if (kind == joint_prismatic .and. planar) call refuse_key("radius", "no moment about its axis in a plane")
         call refuse_key("efficiency", "no teeth")
@@ -208,12 +209,12 @@ contains
         if (.not. has_static) friction%static = friction%coulomb
         if (.not. status%is_ok()) return
         if (has_static .and. .not. has_coulomb) then
-            call refuse_missing(place, "coulomb", "the coefficient where it slides fast", status)
+            call refuse_missing(place, "coulomb", "the coefficient at high sliding speed", status)
         else if (has_static .and. .not. has_speed) then
             call refuse_missing(place, "stribeck_speed", &
                 "the speed over which 'static' falls to 'coulomb', for example '20 mm/s'", status)
         else if (has_speed .and. .not. has_static) then
-            call refuse_missing(place, "static", "the coefficient where it begins to slide", status)
+            call refuse_missing(place, "static", "the coefficient at the onset of sliding", status)
         else if (friction%static < friction%coulomb) then
             call refuse_value(place, "static", place%node%get("static"), "= "//to_text(friction%static)// &
                 " (expected at least 'coulomb', "//to_text(friction%coulomb)//")", status)

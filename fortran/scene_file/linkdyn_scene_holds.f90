@@ -74,7 +74,7 @@ contains
         allocate (part(0))
         between = place%node%get("between")
         if (between%kind() /= toml_array .or. between%count() /= 2) then
-            call refuse_value(place, "between", between, "is no pair (expected two markers, ""link.marker"")", status)
+            call refuse_value(place, "between", between, "is not a pair (expected two markers, ""link.marker"")", status)
             return
         end if
         do side = 1, 2

@@ -540,7 +540,7 @@ contains
         if (is_one) then
             value = number
         else if (node%is_number()) then
-            call refuse_value(place, key, node, "is no integer, or too large a one (expected an integer)", status)
+            call refuse_value(place, key, node, "is not an integer, or too large (expected an integer)", status)
         else
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected an integer)", status)
         end if

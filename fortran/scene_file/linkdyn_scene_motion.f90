@@ -446,7 +446,7 @@ contains
             associate (law => component(i)%motion)
                 if (law%kind == law_table .and. .not. allocated(law%curvature)) call refuse(place, "motion, "// &
                     trim(pose_component_name(components(i)))//": straight lines between rows have jumps of velocity and no "// &
-                    "accelerations to be felt (expected interpolation = ""spline"")", status)
+                    "accelerations (expected interpolation = ""spline"")", status)
             end associate
         end do
         if (.not. status%is_ok()) return

@@ -75,7 +75,8 @@ contains
             call refuse_value(place, "inertia", node, "is that of a mass that changes "// &
                 "(expected a point mass, without 'inertia', or a mass that is a number)", status)
         else if (.not. payload%mass%value(1) > 0) then
-            call refuse_value(place, "inertia", node, "is that of no mass (expected a mass above zero, or no 'inertia')", status)
+            call refuse_value(place, "inertia", node, &
+                              "has no meaning without a mass (expected a mass above zero, or no 'inertia')", status)
         end if
         call read_inertia(place, node, scene%planar, .true., payload%inertia, status)
     end subroutine read_payload

@@ -232,7 +232,7 @@ contains
         call get_word(place, "component", [character(len=1) :: "x", "y", "z"], measure%component, status)
         measure%kind = measure_marker
         if (status%is_ok() .and. scene%planar .and. measure%component == 3) call refuse_value(place, "component", &
-            place%node%get("component"), "= 'z', which a plane has not (expected x or y)", status)
+            place%node%get("component"), "= 'z', which planar scenes do not have (expected x or y)", status)
     end subroutine read_marker
 
     !> The two markers that a measure is between.
@@ -246,7 +246,7 @@ contains
         integer :: side
 
         if (node%kind() /= toml_array .or. node%count() /= 2) then
-            call refuse_value(place, key, node, "is no pair (expected two markers)", status)
+            call refuse_value(place, key, node, "is not a pair (expected two markers)", status)
             return
         end if
         do side = 1, 2

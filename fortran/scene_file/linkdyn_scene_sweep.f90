@@ -147,7 +147,7 @@ contains
         case (axis_time)
             call read_time_axis(place, scene, axis, quantity, status)
         case default
-            call refuse(place, "says not what it varies (expected one of "//join(varied)//")", status)
+            call refuse(place, "does not say what it varies (expected one of "//join(varied)//")", status)
         end select
         if (.not. status%is_ok()) return
         place%what = "sweep axis "//quoted(axis%name)
@@ -337,7 +337,7 @@ contains
         end if
         is_of_actuator = table == "actuator" .and. any([(index(path, trim(of_actuator(i))) > 0, i=1, size(of_actuator))])
         if (.not. (any(forward_alone == table) .or. is_of_actuator)) return
-        if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" is heard in forward runs alone, and a sweep is of "// &
+        if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" only affects forward runs, and a sweep is of "// &
             "inverse dynamics (expected what the mechanism is, or how it moves; Scene.with_ and Scene.forward instead)", status)
     end subroutine refuse_unheard
 
@@ -441,7 +441,7 @@ contains
             axis%seed = n
         end select
         if (status%is_ok() .and. .not. abs(axis%to - axis%from) <= huge(axis%from)) call refuse_value(place, &
-            trim(sampling_name(axis%sampling)), node, "spans more than there are numbers for (expected ends less far apart)", &
+            trim(sampling_name(axis%sampling)), node, "exceeds the range of numbers (expected ends less far apart)", &
             status)
 
     contains
@@ -689,7 +689,7 @@ contains
                 ": every design has a map of its own (expected axes over poses or loads)", status)
             if (spec%axis(k)%sampling >= sampling_random .or. count(spec%axis%group == spec%axis(k)%group) > 1) &
                 call refuse_value(place, "map", node, "holds "//quoted(name)// &
-                ": its values are no grid (expected an axis with linspace or values, in no group)", status)
+                ": its values form no grid (expected an axis with linspace or values, in no group)", status)
             spec%map_axis = [spec%map_axis, k]
             n_cell = n_cell*real(spec%axis(k)%n, wp)
         end do

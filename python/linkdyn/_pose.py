@@ -269,7 +269,7 @@ def _attitude(
         r = as_floats(f"pose: {given[0]}", rotation, (None, 3, 3))
         bad = np.flatnonzero(~(np.abs(r @ np.swapaxes(r, 1, 2) - np.eye(3)).max(axis=(1, 2)) <= OFF) | ~(np.linalg.det(r) > 0))
         if bad.size:
-            raise InputError(f"pose: {given[0]}[{bad[0]}] is no rotation (expected three unit axes square to each other, determinant 1)")
+            raise InputError(f"pose: {given[0]}[{bad[0]}] is not a rotation (expected three orthonormal axes, determinant 1)")
         attitude = quaternion_of(r)
     else:
         assert quaternion is not None
@@ -289,7 +289,7 @@ def _lined_up(quaternion: Floats) -> Floats:
     near = (quaternion[1:] * quaternion[:-1]).sum(axis=1)
     far = np.flatnonzero(np.abs(near) < 0.5)  # the cosine of half of 120 degrees
     if far.size:
-        raise InputError(f"pose: the attitude {far[0] + 1} is more than 120 degrees from the one before (expected ones that tell the way between)")
+        raise InputError(f"pose: the attitude {far[0] + 1} is more than 120 degrees from the one before (expected ones near enough to define the rotation between them)")
     sign = np.cumprod(np.concatenate([[1.0], np.where(near < 0, -1.0, 1.0)]))
     lined: Floats = quaternion * sign[:, np.newaxis]
     return lined

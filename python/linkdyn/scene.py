@@ -955,7 +955,7 @@ class Scene:
         time = self.description["time"]
         end = time["last"] if t_end is None else as_number("t_end", t_end)
         if not end > time["first"]:
-            raise InputError(f"t_end: a run from {time['first']:g} s to {end:g} s goes nowhere (expected [time] end of the scene, or a later t_end)")
+            raise InputError(f"t_end: a run from {time['first']:g} s to {end:g} s has no duration (expected [time] end of the scene, or a later t_end)")
         n = time["n_sample"] if time["n_sample"] > 1 else 201
         return np.linspace(time["first"], end, n)
 

@@ -97,7 +97,7 @@ def test_study(twin, tmp_path):
     chosen = [row for row in rows if (row["method"], row["setting"]) == advice.groups()]
     assert float(chosen[0]["error [1]"]) <= 1e-6
     refused(run("study", scene, "--csv", cwd=tmp_path), "--csv")
-    refused(run("study", scene, "--until", "-1", "-q", cwd=tmp_path), "a run from 0 s to -1 s goes nowhere")
+    refused(run("study", scene, "--until", "-1", "-q", cwd=tmp_path), "a run from 0 s to -1 s has no duration")
 
 
 def test_states_are_the_motion(tmp_path):
@@ -631,11 +631,11 @@ def test_cylinders_beyond_what_they_can_are_told(tmp_path, stroke):
     assert 0 < above.sum() < 201
     assert line.startswith(f"  above supply     cylinder at 'ram' in {above.sum()} samples, first at t = ")
     assert f"most at t = {motion.time.values[pressure.argmax()]:.6g}" in line and f": {pressure.max() / 1e5:.4f}"[:8] in line
-    assert line.endswith(f" bar asked for, {supply / 1e5:.4f} bar there")
+    assert line.endswith(f" bar required, {supply / 1e5:.4f} bar available")
     q = motion.q.values[:, 0]
     line = next(line for line in told if line.startswith("  beyond stroke"))
     assert line.startswith(f"  beyond stroke    cylinder at 'ram' in {((q < 0.6) | (q > 1.1 + 1e-9)).sum()} samples, first at t = 0 s, most at t = 0 s: ")
-    assert line.endswith("0.500000 m asked for, 0.600000 m to 1.10000 m there")
+    assert line.endswith("0.500000 m required, 0.600000 m to 1.10000 m available")
 
 
 def test_cylinders_that_can_are_not_told(tmp_path):

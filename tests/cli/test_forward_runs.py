@@ -94,7 +94,7 @@ def test_a_run_that_blows_up(tmp_path):
         (["--method", "euler"], "'euler'"),
         (["--until", "nan"], "--until"),
         (["--until", "inf"], "--until"),
-        (["--until", "-1"], "goes nowhere"),
+        (["--until", "-1"], "has no duration"),
         (["--samples", "0"], "--samples"),
         (["--samples", "2000000000"], "from 2, both ends, to 999999999"),
         (["--samples", "1"], "from 2, both ends"),

@@ -94,9 +94,9 @@ def test_rotation_matrices(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("change", "words"), [
     (lambda r: -r, "states.csv:7: the rotation of 'platform' mirrors (expected a rotation, whose determinant is 1)"),
-    (lambda r: 1.001 * r, "states.csv:7: the rotation of 'platform' is no rotation: its rows are not unit vectors square to each other, by 0.002"),
-    (lambda r: 0 * r, "states.csv:7: the rotation of 'platform' is no rotation"),
-    (lambda r: r * 1e200, "states.csv:7: the rotation of 'platform' is no rotation"),
+    (lambda r: 1.001 * r, "states.csv:7: the rotation of 'platform' is not a rotation: its rows are not orthonormal, by 0.002"),
+    (lambda r: 0 * r, "states.csv:7: the rotation of 'platform' is not a rotation"),
+    (lambda r: r * 1e200, "states.csv:7: the rotation of 'platform' is not a rotation"),
     (lambda r: r * np.nan, "states.csv:7: "),
     (lambda r: np.zeros(8), "states.csv: "),
 ])

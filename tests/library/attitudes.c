@@ -84,7 +84,7 @@ int main(int n_argument, char **argument)
     refuse(linkdyn_compute_inverse_rotations(scene, NULL, n, NULL, n_q, q, qd, qdd, 1, NULL, 0, NULL, 1, &by_matrix, status), "rotation");
     if (linkdyn_compute_inverse_rotations(NULL, NULL, n, NULL, n_q, q, qd, qdd, 1, rotation, 0, NULL, 1, &by_matrix, status) == LINKDYN_OK) puts("a null handle is not refused");
     const double whole[3] = {-1, 1.001, NAN};
-    const char *words[3] = {"sample 5 (the first is 0): the rotation of 'platform' mirrors", "sample 5 (the first is 0): the rotation of 'platform' is no rotation",
+    const char *words[3] = {"sample 5 (the first is 0): the rotation of 'platform' mirrors", "sample 5 (the first is 0): the rotation of 'platform' is not a rotation",
                             "sample 5 (the first is 0): the rotation of 'platform' is not of finite numbers"};
     for (int c = 0; c < 3; c++) {
         turn_to_matrix(attitude + 10 * 5, rotation + 15 * 5);

@@ -575,9 +575,9 @@ def test_changes_by_path() -> None:
 def test_nothing_to_put_out(rate: dict[str, Any]) -> None:
     """A target that ends, and one that the mechanism's motion cannot have: the run ends there and names the controller."""
     run = linkdyn.Scene(slider(target="0.1 m + 1 mm*sqrt(0.503 - time/(1 s))", kp=80.0, kd=9.0, **rate)).forward(t=np.linspace(0, 1, 11))
-    assert run.attrs["stopped"].startswith("stopped at t = 0.5") and "controller 'A' has nothing to put out" in run.attrs["stopped"]
+    assert run.attrs["stopped"].startswith("stopped at t = 0.5") and "controller 'A' has no output" in run.attrs["stopped"]
     assert (run.status.values[:6] == 0).all() and np.isnan(run.controller_output.values[6:]).all()
     data = tomllib.loads((EXAMPLES / "fivebar_pick" / "scene.toml").read_text())
     data["coordinate"][0]["motion"]["x"] = {"law": "constant-rate", "rate": 3.0, "start": -0.1}
     run = linkdyn.Scene(data).forward(t_end=0.4)
-    assert "controller 'A' has nothing to put out" in run.attrs["stopped"]
+    assert "controller 'A' has no output" in run.attrs["stopped"]

@@ -206,7 +206,7 @@ def test_sweeps_and_changes_reach_all_copies():
         (("link", 0, "repeat"), 0, "key 'repeat' = 0 (expected 1 to 1000)"),
         (("link", 0, "repeat"), 1_000_000_000, "expected 1 to 1000"),
         (("link", 0, "repeat"), -3, "expected 1 to 1000"),
-        (("link", 0, "repeat"), 2.5, "is no integer"),
+        (("link", 0, "repeat"), 2.5, "is not an integer"),
         (("link", 0, "repeat"), "3", "is a string (expected an integer)"),
         (("link", 0, "about"), "w", "key 'about' = 'w' is unknown"),
         (("link", 0, "about"), [0, 0, 1], "key 'about' is a list"),

@@ -506,8 +506,8 @@ ONE = [[1.0, 0.0, 0.0, 0.0]]
         (lambda scene: linkdyn.Pose([[0, 0, 0]], [[0, 0, 0, 0]]), r"pose: quaternion\[0\] is no attitude"),
         (lambda scene: linkdyn.Pose([[0, 0, 0]], [[np.nan, 0, 0, 1]]), r"pose: quaternion\[0\] is no attitude"),
         (lambda scene: linkdyn.Pose([[0, 0, 0]], [1.0, 0, 0, 0]), r"pose: quaternion: expected shape \(N, 4\)"),
-        (lambda scene: linkdyn.Pose([[0, 0, 0]], rotation=[np.diag([1.0, 1, -1])]), r"pose: rotation\[0\] is no rotation"),
-        (lambda scene: linkdyn.Pose([[0, 0, 0]], rotation=[2 * np.eye(3)]), r"pose: rotation\[0\] is no rotation"),
+        (lambda scene: linkdyn.Pose([[0, 0, 0]], rotation=[np.diag([1.0, 1, -1])]), r"pose: rotation\[0\] is not a rotation"),
+        (lambda scene: linkdyn.Pose([[0, 0, 0]], rotation=[2 * np.eye(3)]), r"pose: rotation\[0\] is not a rotation"),
         (lambda scene: linkdyn.Pose([[0, 0, 0]], matrix=[np.eye(4)]), "pose: position: given beside matrix"),
         (lambda scene: linkdyn.Pose(matrix=[np.full((4, 4), 0.5)]), "pose: matrix: expected the last row 0 0 0 1"),
         (lambda scene: linkdyn.Pose(quaternion=ONE, velocity=[[0, 0, 0]]), "velocity, acceleration: given without position"),
@@ -536,7 +536,7 @@ def test_refused(call: Any, message: str) -> None:
         ("t,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0,0,1,0,0,0,0\n", {}, "m.csv:3: qw, qx, qy, qz are zero"),
         ("t,x,y,z,qw,qx,qy\n0,0,0,1,1,0,0\n1,0,0,1,0,0,0\n", {}, "qz"),
         ("t,x,y,z,qw,qx,qy,qz,yaw\n0,0,0,1,1,0,0,0,0\n1,0,0,1,1,0,0,0,0\n", {}, "the column 'yaw' beside quaternions"),
-        ("t,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0,0,1,1,0,0,0\n", {"interpolation": "linear"}, "splines alone"),
+        ("t,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0,0,1,1,0,0,0\n", {"interpolation": "linear"}, "splines only"),
     ],
 )
 def test_refused_tables(rows: str, keys: dict[str, str], message: str, tmp_path: Path) -> None:

@@ -164,14 +164,14 @@ def test_what_is_refused() -> None:
     assert "holds a colon" in refused(two_motors() | {"actuator": [{"joint": "A"}, {"joint": "A", "name": "a:b"}]})
     lone = pair(mesh="external")
     lone["actuator"][0]["preload"] = 3.0
-    assert "actuator 'A': its 'preload' strains nothing" in refused(lone)
+    assert "actuator 'A': its 'preload' has no effect" in refused(lone)
     third = parallelogram("A")
     third["link"].append({"name": "other", "markers": {"X": [0, 0]}, "mass": 1.0, "inertia": 0.01})
     third["frame"]["markers"]["X"] = [1.0, 0]
     third["joint"].append({"name": "X", "type": "revolute", "between": ["frame.X", "other.X"]})
     third["coordinate"].append({"joint": "X", "motion": 0.1})
     third["actuator"] = [{"joint": "A"}, {"joint": "D"}, {"joint": "X", "preload": 1.0}]
-    assert "actuator 'X': its 'preload' strains nothing" in refused(third)
+    assert "actuator 'X': its 'preload' has no effect" in refused(third)
 
 
 def strained_cranks() -> dict[str, Any]:

@@ -153,7 +153,7 @@ def test_what_cannot_go_on_says_so(options: dict[str, Any]) -> None:
     simulator.step(0.01, [0.0])
     with pytest.raises(InputError, match="cannot be computed there"):
         simulator.reset(q=[3.0])
-    with pytest.raises(InputError, match="stands nowhere"):
+    with pytest.raises(InputError, match="has no valid state after a failed reset"):
         simulator.step(0.01)
     simulator.reset()
     simulator.step(0.01)

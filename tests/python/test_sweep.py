@@ -674,7 +674,7 @@ def test_coordinates_of_markers_and_controllers_have_paths():
         if path.startswith("coordinate"):
             assert scene.sweep(sweep).sizes["design"] == 1
         else:    # inverse dynamics does not ask controllers: each value gave the same forces
-            with pytest.raises(linkdyn.SceneError, match="parameter 'controller.A.kp' is heard in forward runs alone"):
+            with pytest.raises(linkdyn.SceneError, match="parameter 'controller.A.kp' only affects forward runs"):
                 scene.sweep(sweep)
 
 

@@ -159,7 +159,7 @@ def _require_numbers(robot: Robot) -> None:
     for body in robot.bodies:
         check(f"body '{body.name[:NAME_LENGTH]}'", body.position, body.rotation, body.mass, body.cog, body.inertia, *body.markers.values())
         if np.abs(body.rotation.T @ body.rotation - np.eye(3)).max() > ALIGNED:
-            raise InputError(f"convert: body '{body.name[:NAME_LENGTH]}': its attitude is no rotation")
+            raise InputError(f"convert: body '{body.name[:NAME_LENGTH]}': its attitude is not a rotation")
         for joint in body.joints:
             check(f"joint '{joint.name[:NAME_LENGTH]}'", joint.at, joint.axis, joint.reference, joint.pitch, joint.armature, joint.stiffness, joint.damping, joint.rest)
             if joint.n_dof == 1 and abs(np.linalg.norm(joint.axis) - 1) > ALIGNED:

@@ -35,7 +35,7 @@ def warnings_table(run: xr.Dataset, scene: Scene | None, limits: xr.Dataset | No
         rows.append((f"{count_words(int(bad.sum()))} of {count_words(len(bad))} samples failed ({kinds})", f"first at {place_of(run, int(bad.argmax()))}{why}"))
     if run.attrs.get("stopped"):
         rows.append(("the run stopped before its end", str(run.attrs["stopped"])))
-    for name, words in (("change_points_passed", "change points passed"), ("assemblies_found_anew", "assemblies found anew from the start")):
+    for name, words in (("change_points_passed", "change points passed"), ("assemblies_found_anew", "assemblies closed again from the start")):
         if n := int(run.attrs.get(name, 0)):
             code = 1 if name == "change_points_passed" else 2
             first = int((run.assembly.values == code).argmax()) if "assembly" in run else 0

@@ -212,7 +212,7 @@ def provenance(run: xr.Dataset) -> str:
 
 def _notes(run: xr.Dataset, data: xr.Dataset) -> list[str]:
     notes = [
-        "Push (positive) drives the joint variable up, pull (negative) holds it back. Extremes, means and rms values are over the "
+        "Push (positive) acts in the direction of increasing joint variable, pull (negative) against it. Extremes, means and rms values are over the "
         f"{count_words(int(data.samples_reduced))} samples within all constraints; rms values are those of a duty cycle only if the "
         "samples are one.",
     ]
