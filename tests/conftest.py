@@ -1,7 +1,8 @@
-"""Scenes shared by the tests."""
+"""Scenes shared by the tests, and what a build may lack without failing them."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -14,11 +15,16 @@ from typing import Any
 import linkdyn
 import pytest
 import xarray as xr
-from linkdyn.cli import executable
+from integrators import METHODS
+from linkdyn.cli import executable, quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[1]
-METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs", "seulex")
-"""Integrators of forward runs."""
+PATIENCE = 60.0
+"""Seconds to wait for what a process does; on a crowded machine, too."""
+PROMISED = frozenset(os.environ.get("LINKDYN_PROMISES", "").split())
+"""What the build was made with, as tools/run_tests.py tells; of an installation of which nobody tells nothing is promised."""
+OPTIONAL = {"gsl": "GNU Scientific Library", "viewer": "built without the viewer", "mujoco": "MuJoCo"}
+"""What a build or a machine may do without, each with words by which errors name it."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -51,22 +57,32 @@ def pytest_configure() -> None:
             signal.signal(number, usual)
 
 
+def excuse(missing: linkdyn.UnavailableError) -> None:
+    """Skip the test for what a build may lack and does not promise; all else that is missing fails it."""
+    for name, words in OPTIONAL.items():
+        if words in str(missing) and name not in PROMISED:
+            pytest.skip(str(missing))
+    raise missing
+
+
 @cache
-def lacks(method: str) -> bool:
-    """Is this a build without an integrator? Asked with the shortest of runs."""
+def refusal_of(method: str) -> linkdyn.UnavailableError | None:
+    """What a build without an integrator says, asked with the shortest of runs."""
     try:
         linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml").forward(t=[0.0], method=method)
-    except linkdyn.UnavailableError:
-        return True
-    return False
+    except linkdyn.UnavailableError as missing:
+        return missing
+    return None
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Tests with an integrator for parameter are for builds that have it."""
+    """Tests with an integrator for parameter are for builds that have it, those with the mark `twin` for where it is built."""
+    if item.get_closest_marker("twin") and quadruple_twin() is None:
+        (pytest.fail if "twin" in PROMISED else pytest.skip)("linkdyn-real128 is not built (make real128)")
     given = getattr(item, "callspec").params.values() if hasattr(item, "callspec") else ()
     for method in METHODS:
-        if method in [value for value in given if isinstance(value, str)] and lacks(method):
-            pytest.skip(f"a build without {method}")
+        if method in [value for value in given if isinstance(value, str)] and (missing := refusal_of(method)):
+            excuse(missing)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -75,7 +91,7 @@ def pytest_runtest_call() -> Generator[None, object, object]:
     try:
         return (yield)
     except linkdyn.UnavailableError as missing:
-        pytest.skip(str(missing))
+        excuse(missing)
 
 
 @pytest.fixture(scope="session")
@@ -142,8 +158,10 @@ def wait_for() -> Callable[[Path, subprocess.Popen[str]], None]:
     """Wait until a process has made a file."""
 
     def wait(path: Path, process: subprocess.Popen[str]) -> None:
+        until = time.monotonic() + PATIENCE
         while not path.exists():
             assert process.poll() is None, process.stderr and process.stderr.read()
+            assert time.monotonic() < until, f"no {path.name} after {PATIENCE:g} s"
             time.sleep(0.001)
 
     return wait

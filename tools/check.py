@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from run_tests import ROOT, Count, close, run_all, run_fortran, run_python
+from run_tests import ROOT, Count, close, described, run_all, run_fortran, run_python
 
 BUILD = ROOT / "build"
 ORDINARY = BUILD / "wheel"
@@ -159,7 +159,7 @@ def run_way(name: str) -> Count:
     if way.tests:
         site = next(iter(folder.glob("stage/**/linkdyn/__init__.py"))).parent.parent
         twin = {"LINKDYN_REAL128": str(TWIN / "app" / "linkdyn-real128")}
-        of_build = {"PYTHONPATH": str(site), "LINKDYN_BUILD": str(folder.resolve())}
+        of_build = {"PYTHONPATH": str(site)} | described(folder)
         count += run_python(folder / "pytest.xml", list(way.tests), twin | environment | of_build)
     return count
 
@@ -192,7 +192,8 @@ def run_kernels() -> Iterator[tuple[str, Count | str]]:
         environment = {"OPENBLAS_CORETYPE": kernel}
         reason = lacks_instructions(*flags)() or lacks_kernel(kernel) or lacks_time()
         yield f"blas {kernel}", reason or (
-            run_fortran(ORDINARY, "real64", environment) + run_python(ORDINARY.resolve() / "pytest-blas.xml", [*ACCURACY, "tests"], environment)
+            run_fortran(ORDINARY, "real64", environment)
+            + run_python(ORDINARY.resolve() / "pytest-blas.xml", [*ACCURACY, "tests"], environment | described(ORDINARY))
         )
 
 

@@ -58,6 +58,19 @@ def run_fortran(build: Path, precision: str = "real64", environment: dict[str, s
     return count
 
 
+def described(build: Path) -> dict[str, str]:
+    """What tests are told of a build: where it is, and what it promises.
+
+    That is GSL if it was found, parts that were asked for by name, and the twin, which `make test` and `make check` build before.
+    Where one of them is missing a test fails that would be skipped in a build without it.
+    """
+    told = build / "meson-info"
+    found = {each["name"] for each in json.loads((told / "intro-dependencies.json").read_text(encoding="utf-8"))} & {"gsl"}
+    options = json.loads((told / "intro-buildoptions.json").read_text(encoding="utf-8"))
+    promises = {"twin"} | found | {each["name"] for each in options if each["value"] == "enabled"}
+    return {"LINKDYN_BUILD": str(build.resolve()), "LINKDYN_PROMISES": " ".join(sorted(promises))}
+
+
 def run_python(report: Path, arguments: list[str], environment: dict[str, str] | None = None) -> Count:
     """Tests of pytest on all processors; a run that ended without a report counts as one failure."""
     report.unlink(missing_ok=True)
@@ -82,7 +95,7 @@ def run_python(report: Path, arguments: list[str], environment: dict[str, str] |
 def run_all(build: Path, arguments: list[str]) -> Count:
     """Both, with a line on each."""
     fortran = run_fortran(build)
-    python = run_python(build.resolve() / "pytest.xml", arguments, {"LINKDYN_BUILD": str(build.resolve())})
+    python = run_python(build.resolve() / "pytest.xml", arguments, described(build))
     print(f"Fortran: {fortran}; Python and command line: {python}")
     return fortran + python
 

@@ -73,14 +73,11 @@ def test_texts_of_windows_are_read(form, tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("twin", [False, True])
+@pytest.mark.parametrize("twin", [False, pytest.param(True, marks=pytest.mark.twin)])
 def test_study(twin, tmp_path):
     """Every method is measured; a tighter tolerance errs less; the advice is good enough; the reference is named."""
-    program = quadruple_twin()
-    if twin and program is None:
-        pytest.skip("linkdyn-real128 is not built (make real128)")
     scene = ROOT / "examples" / "fourbar" / "scene.toml"
-    environment = os.environ | {"LINKDYN_REAL128": str(program) if twin else str(tmp_path / "none")}
+    environment = os.environ | {"LINKDYN_REAL128": str(quadruple_twin()) if twin else str(tmp_path / "none")}
     result = run("study", scene, "--until", "1", cwd=tmp_path, env=environment)
     assert result.returncode == DONE and result.stderr == ""
     assert ("against the quadruple twin" if twin else "is not built") in result.stdout

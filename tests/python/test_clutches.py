@@ -12,17 +12,7 @@ import pytest
 import xarray as xr
 
 import linkdyn
-
-METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"]
-GSL = {"rk8pd", "rkf45", "msbdf"}
-
-
-def run_or_skip(scene: linkdyn.Scene, method: str, **settings: Any) -> xr.Dataset:
-    try:
-        return scene.forward(method=method, **settings)
-    except linkdyn.UnavailableError:
-        assert method in GSL
-        pytest.skip(f"this build has no {method}")
+from integrators import METHODS
 
 
 def times(run: xr.Dataset, name: str, *kinds: str) -> np.ndarray:
@@ -51,7 +41,7 @@ def shafts(**parts: Any) -> linkdyn.Scene:
 # ---------------------------------------------------------------------------------------------------------------- slipping, holding
 @pytest.mark.parametrize("method", METHODS)
 def test_two_inertias_are_coupled_in_closed_form(method):
-    run = run_or_skip(shafts(), method, t=np.linspace(0, 2, 101))
+    run = shafts().forward(method=method, t=np.linspace(0, 2, 101))
     slip = 100 + 20 / 0.3 * 0.5 + 5 / 1.1 * 0.5
     slowing = (60 - 20) / 0.3 + (60 - 5) / 1.1
     error = 1e-5 if method == "msbdf" else 1e-11
@@ -102,7 +92,7 @@ def belt(**parts: Any) -> linkdyn.Scene:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_stick_slip_has_its_period(method):
-    run = run_or_skip(belt(), method, t=np.linspace(0, 3, 301))
+    run = belt().forward(method=method, t=np.linspace(0, 3, 301))
     w, reach = math.sqrt(800 / 2), (9 - 6) / 800
     slips, sticks = 2 * (math.pi - math.atan(reach * w / 0.1)) / w, 2 * reach / 0.1
     error = 1e-5 if method in ("msbdf", "rk4") else 1e-7
@@ -139,7 +129,7 @@ WEIGHT = 3 * 9.81 / 2
 @pytest.mark.thorough
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_on_a_slope_does_not_creep(method):
-    run = run_or_skip(incline(15), method, t=np.linspace(0, 1000, 11), **({"step": 0.1} if method == "rk4" else {}))
+    run = incline(15).forward(method=method, t=np.linspace(0, 1000, 11), **({"step": 0.1} if method == "rk4" else {}))
     np.testing.assert_array_equal(run.q, 0)
     assert run.sizes.get("event", 0) == 0
     np.testing.assert_allclose(run.clutch_force, WEIGHT, rtol=1e-13)
@@ -380,7 +370,7 @@ def test_what_slips_is_thrown_back_and_slips_on(method, rubs):
         place, way, speed = way * 0.3, -way, 0.8 * math.sqrt(square)
     rest, end = place + way * speed**2 / (2 * mu * 9.81), t + speed / (mu * 9.81)
     assert len(struck) > 3
-    run = run_or_skip(scene, method, t=np.linspace(0, 2, 41))
+    run = scene.forward(method=method, t=np.linspace(0, 2, 41))
     error = 1e-5 if method == "msbdf" else 1e-9
     np.testing.assert_allclose(np.sort(np.append(times(run, "walls.min"), times(run, "walls.max"))), struck, rtol=error)
     np.testing.assert_allclose(times(run, "rub" if rubs == "clutch" else "x"), [end], rtol=error)
@@ -435,14 +425,14 @@ def slope(angle: float, coulomb: float, **friction: Any) -> linkdyn.Scene:
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_sticks_below_the_angle_of_friction_and_slides_above(method):
     settings = {"step": 0.1} if method == "rk4" else {}
-    run = run_or_skip(slope(0.3, math.tan(0.3) * 1.0001), method, t=np.linspace(0, 300, 11), **settings)
+    run = slope(0.3, math.tan(0.3) * 1.0001).forward(method=method, t=np.linspace(0, 300, 11), **settings)
     np.testing.assert_array_equal(run.q, 0)
     np.testing.assert_allclose(run.clutch_force, 3 * 9.81 * math.sin(0.3), rtol=1e-13)
     # The wrench of friction is what holds it, and all that the block feels carries its weight.
     felt = run.reaction.values[:, 0, :2] + run.friction.values[:, 0, :2]
     np.testing.assert_allclose(felt, np.tile([0, 3 * 9.81], (11, 1)), atol=1e-12)
     mu = math.tan(0.3) * 0.9
-    run = run_or_skip(slope(0.3, mu), method, t=np.linspace(0, 1, 11))
+    run = slope(0.3, mu).forward(method=method, t=np.linspace(0, 1, 11))
     slows = 9.81 * (math.sin(0.3) - mu * math.cos(0.3))
     np.testing.assert_allclose(run.q.values[:, 0], -slows * run.time.values**2 / 2, atol=1e-6 if method == "msbdf" else 1e-9)
     np.testing.assert_allclose(run.clutch_force, 3 * 9.81 * mu * math.cos(0.3), rtol=1e-9)

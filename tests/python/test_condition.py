@@ -74,7 +74,7 @@ def test_every_solver_has_lapacks(case: Case) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 @pytest.mark.parametrize("name", ["fichter", "four_bar_change_point", "dead_centre_outer", "stretched_dyad", "example_stewart_tsai"])
 def test_near_singular_positions(name: str) -> None:
     """Against all columns of the inverse in quadruple precision, to 1e-10 rad from Fichter's singularity."""

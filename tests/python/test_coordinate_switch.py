@@ -17,6 +17,7 @@ import xarray as xr
 import linkdyn
 from linkdyn._geometry.postures import poses_of
 from linkdyn.cli import executable, quadruple_twin
+from integrators import METHODS
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -449,10 +450,7 @@ def test_no_loose_step_leaps_a_dead_point(method: str, tolerance: float) -> None
     scene = linkdyn.Scene(triple_rocker())
     t = np.linspace(0.0, 3.0, 201)
     good = scene.forward(t=t, rtol=1e-11, atol=1e-11)
-    try:
-        run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance, switch=False)
-    except linkdyn.UnavailableError as error:
-        pytest.skip(f"a build without {method}: {error}")
+    run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance, switch=False)
     assert run.attrs["stopped"].endswith("s: coordinate 'J1' comes to its dead point")
     ok = run.status.values == 0
     assert 10 < ok.sum() < 30 and (run.status.values[ok.sum() :] != 0).all()
@@ -516,7 +514,7 @@ def test_files_and_summary_tell(tmp_path: Path) -> None:
     assert [row["stand_in D"] for row in rows][:1] + [row["stand_in D"] for row in rows][-1:] == ["none", "A.angle"]
 
 
-@pytest.mark.skipif(quadruple_twin() is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 def test_quadruple_precision(tmp_path: Path) -> None:
     """The twin exchanges as well, and keeps the energy to the tolerance it was given; double precision agrees with it."""
     (tmp_path / "scene.toml").write_text(linkdyn.Scene(triple_rocker()).text)
@@ -583,10 +581,7 @@ SCENES = Path(__file__).resolve().parent / "scenes"
 def test_nothing_is_thrown_back(name: str, end: float, method: str, tolerance: float, within: float) -> None:
     """At its dead point a pose turns back and the mechanism goes on. A state before that point has the same coordinates as one
     behind it: a step over it would end in the former, with all joints turning the other way."""
-    try:
-        run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, rtol=tolerance, atol=tolerance, step=2e-3, want="power")
-    except linkdyn.UnavailableError as error:
-        pytest.skip(f"a build without {method}: {error}")
+    run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, rtol=tolerance, atol=tolerance, step=2e-3, want="power")
     good = run.status.values == 0
     assert (good == (run.time.values < end)).all()
     energy = (run.kinetic_energy + run.potential_energy).values[good]
@@ -595,15 +590,12 @@ def test_nothing_is_thrown_back(name: str, end: float, method: str, tolerance: f
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("name", "coordinates"), [("fivebar_by_tip", ("r1.C.x", "r1.C.y")), ("hooke_by_angle", ("U.angle1", "U angle1", "U"))])
 def test_one_message_for_a_dead_point(name: str, coordinates: tuple[str, ...], method: str) -> None:
     """However steps end there, by their shortness, by the energy that they would make or thrown back: one cause, with its name."""
     settings = {"step": 1e-3} if method == "rk4" else {}
-    try:
-        run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, want="power", **settings)
-    except linkdyn.UnavailableError as error:
-        pytest.skip(f"a build without {method}: {error}")
+    run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, want="power", **settings)
     stopped = run.attrs["stopped"]
     assert "comes to its dead point, where it turns back" in stopped, stopped
     assert any(f"coordinate '{each}'" in stopped for each in coordinates), stopped
@@ -613,10 +605,7 @@ def test_one_message_for_a_dead_point(name: str, coordinates: tuple[str, ...], m
 @pytest.mark.parametrize(("name", "end"), [("hooke_by_angle", 0.365021), ("fivebar_by_tip", 0.281655)])
 def test_msbdf_is_not_thrown_back(name: str, end: float, tolerance: float) -> None:
     """Its steps end by errors of their own order and went on behind these dead points, Hooke's joint to the end at each tolerance."""
-    try:
-        run = linkdyn.load(SCENES / f"{name}.toml").forward(t=np.linspace(0.0, 0.6, 121), method="msbdf", rtol=tolerance, atol=tolerance)
-    except linkdyn.UnavailableError as error:
-        pytest.skip(f"a build without msbdf: {error}")
+    run = linkdyn.load(SCENES / f"{name}.toml").forward(t=np.linspace(0.0, 0.6, 121), method="msbdf", rtol=tolerance, atol=tolerance)
     assert "comes to its dead point, where it turns back" in run.attrs["stopped"]
     assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=3e-3)
 
@@ -659,10 +648,7 @@ def test_what_has_no_stand_in_stops(name: str, end: float, other: dict[str, str]
     scene["coordinate"][0] = {**other, "start": {"position": float(start.joint_variable), "velocity": float(start.joint_rate)}}
     goes_on = linkdyn.Scene(scene).forward(t=t, **TIGHT)
     assert (goes_on.status.values == 0).all()
-    try:
-        run = linkdyn.load(file).forward(t=t, method=method, rtol=tolerance, atol=tolerance)
-    except linkdyn.UnavailableError as error:
-        pytest.skip(f"a build without {method}: {error}")
+    run = linkdyn.load(file).forward(t=t, method=method, rtol=tolerance, atol=tolerance)
     good = run.status.values == 0
     assert (good == (t < end)).all()
     assert np.abs(run.joint_variable - goes_on.joint_variable).values[good].max() < 100 * tolerance

@@ -68,7 +68,7 @@ SCENES = {
 }
 
 
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
 def test_forces_are_right_or_flagged(name: str, solver: str) -> None:

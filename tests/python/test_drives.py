@@ -131,15 +131,13 @@ def test_record_against_lanes(make: Any) -> None:
     assert moving.inverse(t=t[:20], error=True).error.max() < 1e-10
 
 
+@pytest.mark.twin
 @pytest.mark.parametrize("make", [four, of_hexapod])
 def test_quadruple_precision(make: Any) -> None:
-    program = quadruple_twin()
-    if program is None:
-        pytest.skip("no build in quadruple precision")
     moving = linkdyn.Scene(make())
     t = moving.times()[::20]
     q, qd, qdd = moving.motion(t)
-    exact = quadruple_forces(program, Case("drive", "drive", make(), q, qd, qdd, np.full(len(t), np.nan)), time=t)
+    exact = quadruple_forces(quadruple_twin(), Case("drive", "drive", make(), q, qd, qdd, np.full(len(t), np.nan)), time=t)
     found = forces_of(moving.inverse(t=t, want=("driving_force", "reaction")))
     assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()
 

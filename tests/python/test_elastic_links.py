@@ -288,10 +288,9 @@ def test_records_lanes_and_other_solvers(name: str) -> None:
     assert np.abs((alone.reaction.values - run.reaction.values[:3]) / size[:3]).max() < 1e-11
 
 
+@pytest.mark.twin
 @pytest.mark.parametrize("name", ["bennett", "slider"])
 def test_quadruple_precision(name: str, tmp_path: Any) -> None:
-    if quadruple_twin() is None:
-        pytest.skip("no quadruple twin in this build")
     scene = in_motion(SCENES[name])
     scene["time"] = {"end": 0.5, "samples": 6}
     path = tmp_path / "scene.toml"

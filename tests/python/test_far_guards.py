@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import linkdyn
+from integrators import METHODS
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ONE_STEP = ["rk8pd", "rkf45"]
@@ -68,7 +69,7 @@ def test_what_is_never_reached_changes_no_step(name: str, joint: str, t_end: flo
     np.testing.assert_allclose(watched.q, alone.q, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mark", [0.999, -0.9, 0.2])
 def test_every_crossing_of_a_swing_is_found(mark: float, method: str) -> None:
     n_period = 12

@@ -79,7 +79,7 @@ def far_from_the_world() -> dict[str, Any]:
     return scene
 
 
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 def test_estimates_hold() -> None:
     """Errors of forces against 34 digits are below their estimates as often as elsewhere, where the status is 0."""
     together = []

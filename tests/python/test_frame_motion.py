@@ -220,16 +220,14 @@ def test_states_with_instants(make: Any) -> None:
             compute(q, qd, qdd)
 
 
+@pytest.mark.twin
 @pytest.mark.parametrize("make", [four_bar, hexapod])
 def test_quadruple_precision(make: Any) -> None:
-    program = quadruple_twin()
-    if program is None:
-        pytest.skip("no build in quadruple precision")
     moving = linkdyn.Scene(make())
     t = moving.times()[::10]
     q, qd, qdd = moving.motion(t)
     case = Case("frame", "frame", make(), q, qd, qdd, np.full(len(t), np.nan))
-    exact = quadruple_forces(program, case, time=t)
+    exact = quadruple_forces(quadruple_twin(), case, time=t)
     found = forces_of(moving.inverse(t=t, want=("driving_force", "reaction")))
     assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()
 
@@ -267,24 +265,21 @@ def let_go(scene: dict[str, Any]) -> dict[str, Any]:
     return free
 
 
+@pytest.mark.parametrize(("end", "method"), [(0.05, "gbs"), (2.0, "gbs"), (2.0, "rk8pd")])
 @pytest.mark.parametrize("make", [four_bar, hexapod, arm])
-def test_forward_against_driven_ground(make: Any) -> None:
+def test_forward_against_driven_ground(make: Any, end: float, method: str) -> None:
     """Free runs, long enough for the record, and short, on lanes alone."""
     free = let_go(make())
     moving, driven = linkdyn.Scene(free), linkdyn.Scene(on_driven_ground(free, is_free=True))
     names = list(moving.coordinates)
-    for end, method in ((0.05, "gbs"), (2.0, "gbs"), (2.0, "rk8pd")):
-        t = np.linspace(0, end, 21)
-        try:
-            run, other = (scene.forward(t=t, method=method, rtol=1e-11, atol=1e-12, want="all") for scene in (moving, driven))
-        except linkdyn.errors.UnavailableError:
-            continue
-        assert (run.status == 0).all() and not run.attrs["stopped"]
-        size = np.abs(run.q.values).max()
-        assert np.abs(run.q.values - other.q.sel(coordinate=names).values).max() < 1e-8 * size
-        reactions = turned_back(driven, other, list(moving.joints))
-        assert np.abs(run.reaction.values - reactions).max() < 1e-6 * np.abs(reactions).max()
-        assert np.abs(run.power_imbalance).max() < 1e-9
+    t = np.linspace(0, end, 21)
+    run, other = (scene.forward(t=t, method=method, rtol=1e-11, atol=1e-12, want="all") for scene in (moving, driven))
+    assert (run.status == 0).all() and not run.attrs["stopped"]
+    size = np.abs(run.q.values).max()
+    assert np.abs(run.q.values - other.q.sel(coordinate=names).values).max() < 1e-8 * size
+    reactions = turned_back(driven, other, list(moving.joints))
+    assert np.abs(run.reaction.values - reactions).max() < 1e-6 * np.abs(reactions).max()
+    assert np.abs(run.power_imbalance).max() < 1e-9
 
 
 def test_forward_after_inverse() -> None:

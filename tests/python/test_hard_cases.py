@@ -27,7 +27,7 @@ EPS = np.finfo(float).eps
 
 pytestmark = [
     pytest.mark.accuracy,
-    pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)"),
+    pytest.mark.twin,
 ]
 
 

@@ -96,7 +96,7 @@ def test_a_driven_crank_at_its_dead_centres() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 def test_forces_and_estimates() -> None:
     """Against the twin along the same motion: estimates hold, and no solver is worse than the data."""
     for case in CASES.values():

@@ -189,10 +189,6 @@ def test_a_limit_that_falls_with_the_speed() -> None:
 def test_a_current_that_stays_at_its_limit_is_not_taken_for_rounding(tolerance: float) -> None:
     """There it stands still to the last digit, and steps are a hundred times as long as its time constant: what the step makes of a last
     place was taken for rates too rough, and the run stopped."""
-    try:
-        linkdyn.Scene(machine()).forward(t_end=1e-4, method="rk8pd")
-    except linkdyn.UnavailableError:
-        pytest.skip("this build has no rk8pd")
     drive = {"ratio": 15, "rotor_inertia": 1.6e-4, "efficiency": 0.8, "torque_constant": 0.2, "resistance": 2.4, "current_limit": 4, "inductance": "8 mH"}
     scene = linkdyn.Scene({
         "space": "planar", "gravity": [0, 0], "frame": {"markers": {"A": [0, 0]}},

@@ -699,7 +699,7 @@ def test_estimates_and_other_numbers() -> None:
         assert (run.driving_force_error < 1e-11 * np.abs(run.driving_force).max()).all()
 
 
-@pytest.mark.skipif(quadruple_twin() is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 @pytest.mark.parametrize("scene", [ARM, planar_table(), nut(0.02), lift(), sliding_pad(along("E", {"law": "harmonic", "mean": -0.78, "amplitude": 0.5, "frequency": "3 rad/s"}, variable="angle"))],
                          ids=["weld", "planar", "screw", "screw in a loop", "planar in a loop"])
 def test_against_the_quadruple_twin(scene: dict[str, Any]) -> None:

@@ -9,8 +9,8 @@ import linkdyn
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from integrators import CONTROLLED
 
-METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"]
 HEIGHT, WIDTH = 2.0, np.radians(20.0)
 """Of a torque's triangle over the angle [N m]."""
 
@@ -27,7 +27,7 @@ def flywheel(**parts: Any) -> dict[str, Any]:
     } | parts
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_a_pulse_in_every_turn(method: str, tmp_path: Path) -> None:
     """Of 20 degrees: each adds its area to the energy."""
     table = {"gas": {"table": "gas.csv", "column": "M", "over": "phi", "period": "360 deg"}}
@@ -49,7 +49,7 @@ LOADS = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 @pytest.mark.parametrize("name", LOADS)
 def test_a_push_in_a_long_run(name: str, method: str) -> None:
     """Of a few hundredths of a second in six, while the wheel turns evenly and steps grow."""
@@ -60,7 +60,7 @@ def test_a_push_in_a_long_run(name: str, method: str) -> None:
     np.testing.assert_allclose(run.qd.values[-1, 0], end, rtol=1e-5)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_a_push_over_the_place_of_a_marker_that_is_driven_round(method: str) -> None:
     """Ten times a second; a mass on a slide beside it feels a force while the marker is near."""
     scene = flywheel(
@@ -84,7 +84,7 @@ def test_a_push_over_the_place_of_a_marker_that_is_driven_round(method: str) -> 
     np.testing.assert_allclose(run.qd.values[-1, 1], 20.5 * impulse / 2, rtol=1e-4)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_a_table_over_time(method: str, tmp_path: Path) -> None:
     """Its rows end steps."""
     (tmp_path / "push.csv").write_text("time,M\n0,0\n3.3,0\n3.31,20\n3.32,0\n6,0\n")
@@ -94,7 +94,7 @@ def test_a_table_over_time(method: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(run.qd.values[-1, 0], 10 + 0.2 / 0.5, rtol=1e-8)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_a_spline_over_time(method: str, tmp_path: Path) -> None:
     """Its rows end no steps: 3 of 300 are not zero. What it adds comes from the same spline by scipy."""
     time = np.linspace(0.0, 6.0, 301)
@@ -106,7 +106,7 @@ def test_a_spline_over_time(method: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(run.qd.values[-1, 0], 10 + added, rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", METHODS[:-1])
+@pytest.mark.parametrize("method", CONTROLLED[:-1])
 def test_instants_change_nothing(method: str) -> None:
     scene = linkdyn.Scene(flywheel(load=[{"on": "wheel.O", "moment": LOADS["over the angle"][0]}]))
     few, many = (scene.forward(t=np.linspace(0.0, 6.0, n), method=method) for n in (2, 301))

@@ -321,17 +321,15 @@ TWINS = {
 }
 
 
+@pytest.mark.twin
 @pytest.mark.thorough
 @pytest.mark.parametrize("case", TWINS)
 def test_quadruple_precision(case: str, tmp_path: Path) -> None:
     """The same steps in 34 digits: states, losses and forces agree to rounding."""
-    twin = quadruple_twin()
-    if twin is None:
-        pytest.skip("no build in quadruple precision")
     file = tmp_path / "scene.toml"
     file.write_text(linkdyn.Scene({**TWINS[case](), "time": {"end": 0.3, "samples": 4}}).text)
     runs = []
-    for program in (executable(), twin):
+    for program in (executable(), quadruple_twin()):
         out = tmp_path / f"{len(runs)}.nc"
         subprocess.run([program, "forward", file, "-o", out, "--want", "all", "--method", "rk4", "--step", "1e-3"], capture_output=True, check=True)
         runs.append(xr.load_dataset(out))

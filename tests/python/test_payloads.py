@@ -131,15 +131,13 @@ def test_mass_that_changes(make: Any) -> None:
         moving.inverse(*moving.motion())
 
 
+@pytest.mark.twin
 @pytest.mark.parametrize("make", [four, of_hexapod])
 def test_quadruple_precision(make: Any) -> None:
-    program = quadruple_twin()
-    if program is None:
-        pytest.skip("no build in quadruple precision")
     moving = linkdyn.Scene(make(mass=POUR))
     t = moving.times()[::10]
     q, qd, qdd = moving.motion(t)
-    exact = quadruple_forces(program, Case("payload", "payload", make(mass=POUR), q, qd, qdd, np.full(len(t), np.nan)), time=t)
+    exact = quadruple_forces(quadruple_twin(), Case("payload", "payload", make(mass=POUR), q, qd, qdd, np.full(len(t), np.nan)), time=t)
     found = forces_of(moving.inverse(t=t, want=("driving_force", "reaction")))
     assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()
 
@@ -204,10 +202,7 @@ def swings(mass: Any, ends: list[float], t: NDArray[np.float64]) -> NDArray[np.f
 def test_pendulum_that_picks_up(method: str) -> None:
     """Its velocity is the same before and after; then it swings with what it has."""
     t = np.linspace(0, 4, 41)
-    try:
-        run = linkdyn.Scene(pendulum(mass=2.0, **{"from": 1.03, "until": 2.57})).forward(t=t, method=method, rtol=1e-11, atol=1e-12)
-    except linkdyn.errors.UnavailableError:
-        pytest.skip("no GSL")
+    run = linkdyn.Scene(pendulum(mass=2.0, **{"from": 1.03, "until": 2.57})).forward(t=t, method=method, rtol=1e-11, atol=1e-12)
     exact = swings(lambda _, middle: 2.0 * (1.03 <= middle < 2.57), [0.0, 1.03, 2.57, 4.0], t)
     assert not run.attrs["stopped"]
     assert np.abs(run.q.values[:, 0] - exact).max() < 1e-8

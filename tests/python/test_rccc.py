@@ -90,18 +90,16 @@ def near_parallel(seed: int, angle: float) -> dict[str, Any]:
     return scene
 
 
+@pytest.mark.twin
 @pytest.mark.parametrize("angle", [1.0, 2.0, 5.0])
 def test_axes_nearly_parallel_keep_their_digits(angle: float) -> None:
     """The slides along them are ill determined, and nothing hangs on these. The margin alone called two thirds of the samples singular."""
-    program = quadruple_twin()
-    if program is None:
-        pytest.skip("no build in quadruple precision")
     taken = there = 0
     for seed in (1, 2, 5, 8):
         scene = near_parallel(seed, np.radians(angle))
         run = linkdyn.Scene(scene).inverse(want=("driving_force", "reaction"))
         case = Case("rccc", "rccc", scene, *linkdyn.Scene(scene).motion(run.time.values), np.full(31, np.nan))
-        exact = quadruple_forces(program, case, time=run.time.values)
+        exact = quadruple_forces(quadruple_twin(), case, time=run.time.values)
         good = run.status.values == 0
         size = np.abs(exact).max(axis=1)
         assert (np.abs(forces_of(run) - exact)[good].max(axis=1) < 1e-8 * size[good]).all()

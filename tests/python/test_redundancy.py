@@ -364,10 +364,9 @@ def test_forward_after_inverse() -> None:
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
 
 
+@pytest.mark.twin
 def test_quadruple_precision(tmp_path: Any) -> None:
     """The twin finds the same reactions."""
-    if quadruple_twin() is None:
-        pytest.skip("no quadruple twin")
     scene = bennett()
     file = tmp_path / "scene.toml"
     file.write_text(tomli_w.dumps(scene | {"time": {"end": 1.0, "samples": 4}}))

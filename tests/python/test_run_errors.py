@@ -44,7 +44,7 @@ def example(name: str, changes: dict | None = None) -> linkdyn.Scene:
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 def test_estimates_hold_against_the_twin() -> None:
     """As often as promised, and not vaguely: from loose tolerances to where rounding is all that is left."""
     together = {method: [] for method, _ in SETTINGS}
@@ -69,7 +69,7 @@ def folding_slider_crank(folder: Path) -> Path:
 
 
 @pytest.mark.thorough
-@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.twin
 @pytest.mark.parametrize("name, end", [("near_parallelogram", 0.625), ("row", 1.0), ("slider_crank", 0.5)])
 def test_estimates_near_change_points(name: str, end: float, tmp_path: Path) -> None:
     """Through the first change point, or close by it: no number that is given as right is further off than ten estimates,

@@ -25,7 +25,7 @@ FEW = 12
 
 pytestmark = [
     pytest.mark.accuracy,
-    pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)"),
+    pytest.mark.twin,
 ]
 
 

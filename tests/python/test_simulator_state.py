@@ -88,10 +88,7 @@ def go_on(simulator: linkdyn.Simulator, dt: float, first: int, n: int) -> list[A
 def test_the_same_steps_give_the_same_bits(name: str, method: str | None) -> None:
     make, dt, before, behind = SCENES[name]
     scene = make()
-    try:
-        simulator = scene.simulator(method=method, step=1e-3)
-    except linkdyn.UnavailableError:
-        pytest.skip(f"this build has no {method}")
+    simulator = scene.simulator(method=method, step=1e-3)
     other = scene.simulator(method=method, step=1e-3)
     go_on(simulator, dt, 0, before)
     saved = simulator.state
@@ -112,10 +109,7 @@ def test_the_same_steps_give_the_same_bits(name: str, method: str | None) -> Non
 
 def test_a_history_outside_begins_anew() -> None:
     """msbdf: the same motion within its accuracy."""
-    try:
-        simulator = example("fourbar_constant_torque").simulator(method="msbdf")
-    except linkdyn.UnavailableError:
-        pytest.skip("this build has no msbdf")
+    simulator = example("fourbar_constant_torque").simulator(method="msbdf")
     go_on(simulator, 0.01, 0, 20)
     saved = simulator.state
     first = go_on(simulator, 0.01, 20, 20)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import linkdyn
+from integrators import CONTROLLED
 
 OMEGA = 100.0  # rad/s
 OSCILLATOR = """
@@ -33,7 +34,6 @@ start = {start!r}
 end = 1
 samples = 41
 """
-METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"]
 
 
 def relative_error(amplitude: float, method: str) -> float:
@@ -42,7 +42,7 @@ def relative_error(amplitude: float, method: str) -> float:
     return float(np.abs(run.q.values[:, 0] - right).max() / amplitude)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", CONTROLLED)
 @pytest.mark.parametrize("amplitude", [1e-3, 1e-6, 1e-9])
 def test_digits_of_small_motions(amplitude: float, method: str) -> None:
     # A way below 0.01 is to its tolerance as a hundredth of a way of 1 is to 1e-9, and errors of steps add up by chance some times more

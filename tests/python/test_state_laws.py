@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import linkdyn
+from integrators import CONTROLLED, METHODS
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -57,14 +58,11 @@ def slide(forces: str, *, mass: float = 1, start: float = 0, velocity: float = 0
 # ---------------------------------------------------------------- forward runs against closed forms
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"])
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_fall_through_air(method: str) -> None:
     """Quadratic drag: w = -vt tanh(g t/vt), y = -vt^2/g log cosh(g t/vt)."""
     scene = slide('[[load]]\non = "mass.C"\nforce = [0, "-0.01 N*s^2/m^2*w*abs(w)"]', mass=0.2, gravity=-9.81, axis="[0, 1]", end=4)
-    try:
-        run = scene.forward(method=method)
-    except linkdyn.UnavailableError:
-        pytest.skip("built without GSL")
+    run = scene.forward(method=method)
     t, vt = run.time.values, math.sqrt(0.2 * 9.81 / 0.01)
     loose = 1e-5 if method == "msbdf" else 2e-8
     np.testing.assert_allclose(run.qd[:, 0], -vt * np.tanh(9.81 * t / vt), rtol=loose, atol=loose)
@@ -165,10 +163,7 @@ def test_sliding_friction_by_sign(method: str) -> None:
     """A spring and dry friction: half cosines about +-0.05 m, each 0.1 m shorter; the force jumps wherever the mass turns."""
     scene = slide('[[actuator]]\njoint = "x"\nlaw = { type = "formula", value = "-0.5 N*sign(u)" }\n'
                   '[[spring]]\nname = "k"\njoint = "x"\nstiffness = 10', start=1, end=4, samples=41)
-    try:
-        run = scene.forward(method=method)
-    except linkdyn.UnavailableError:
-        pytest.skip("built without GSL")
+    run = scene.forward(method=method)
     assert run.attrs["stopped"] == ""
     w = math.sqrt(10)
     n = np.floor(run.time.values * w / math.pi)
@@ -176,7 +171,7 @@ def test_sliding_friction_by_sign(method: str) -> None:
     np.testing.assert_allclose(run.q[:, 0], wanted, atol=1e-7)
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"])
+@pytest.mark.parametrize("method", CONTROLLED)
 def test_law_that_jumps_to_and_fro_is_told(method: str) -> None:
     """Friction that holds: a sign() cannot, and the run says so. Without a look at the jump itself gbs went on, by stages that came upon
     either side in turn and agreed on their mean (0.287 m for 0.25 m); rkf45 did not come to an end."""
@@ -740,7 +735,7 @@ BEHIND = {
 
 
 @pytest.mark.parametrize("kind", BEHIND)
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_run_names_the_law_whose_table_it_leaves(tmp_path: Path, method: str, kind: str) -> None:
     # the table is over a joint variable that is no coordinate: nobody knows before the run how far that goes
     (tmp_path / "law.csv").write_text("angle [rad],force\n-1.5,0\n-1.2,-1\n-0.9,-2\n", encoding="utf-8")
