@@ -24,7 +24,7 @@ release = version = linkdyn.__version__
 
 extensions = ["myst_nb", "numpydoc", "sphinx.ext.autodoc", "sphinx_design"]
 root_doc = "docs/index"
-exclude_patterns = ["docs/site", "**/.ipynb_checkpoints"]
+exclude_patterns = ["docs/site", "examples/README.md", "**/.ipynb_checkpoints"]    # the gallery stands for the page of the examples
 default_role = "py:obj"
 
 myst_enable_extensions = ["colon_fence", "dollarmath", "attrs_inline"]
