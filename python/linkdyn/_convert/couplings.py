@@ -63,7 +63,7 @@ class Train:
         return way - (way @ n) * n
 
 
-def train_of(robot: Robot, coupling: Coupling, size: float) -> Train | str:
+def train_of(robot: Robot, coupling: Coupling) -> Train | str:
     """How both joints lie, or why nothing can be put between them."""
     numbers = {id(body.joints[0]): i for i, body in enumerate(robot.bodies) if len(body.joints) == 1}
     first, second = numbers.get(id(coupling.leader)), numbers.get(id(coupling.follower))

@@ -91,7 +91,7 @@ class _Reader:
             self._name("BODY", i, f"body{i}"), int(m.body_parentid[i]), np.array(m.body_pos[i]), self._rotation(m.body_quat[i]),
             float(m.body_mass[i]), np.array(m.body_ipos[i]), axes @ np.diag(m.body_inertia[i]) @ axes.T,
         )  # fmt: skip
-        body.joints = [self._joint(j, body) for j in range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i])]
+        body.joints = [self._joint(j) for j in range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i])]
         if m.body_mocapid[i] >= 0:
             self.left_out.append(f"body '{body.name}': moved by hand (mocap); it stands still")
         return body
@@ -99,7 +99,7 @@ class _Reader:
     def _joint_name(self, j: int) -> str:
         return self._name("JOINT", j, f"{self._name('BODY', int(self.model.jnt_bodyid[j]), 'body')}_{j}")
 
-    def _joint(self, j: int, body: Body) -> TreeJoint:
+    def _joint(self, j: int) -> TreeJoint:
         m = self.model
         kind = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}[int(m.jnt_type[j])]
         joint = TreeJoint(self._joint_name(j), kind, np.array(m.jnt_pos[j]), np.array(m.jnt_axis[j]))  # type: ignore[arg-type]

@@ -159,7 +159,7 @@ class _Writer:
                     keys["armature"] = repr(motor)
             add(body, "joint", **keys)
         if joint["type"] == "screw":
-            self._add_thread(joint, values)
+            self._add_thread(joint)
 
     def _lines(self, joint: dict[str, Any]) -> tuple[Array, list[Array], list[float]]:
         """Point, axes in the world, and values of a joint's variables at the start."""
@@ -184,7 +184,7 @@ class _Writer:
         axes = np.column_stack([x, np.cross(z, x), z])
         return self.position[link] + self.rotation[link] @ np.array(marker["at"]), self.rotation[link] @ axes
 
-    def _add_thread(self, joint: dict[str, Any], values: list[float]) -> None:
+    def _add_thread(self, joint: dict[str, Any]) -> None:
         """A screw's slide follows its angle."""
         if joint["name"] not in self.leads:
             self.left_out.append(f"joint '{joint['name']}': its thread, which is one of several")

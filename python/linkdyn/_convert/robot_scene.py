@@ -91,7 +91,7 @@ def grouped(joints: list[TreeJoint], size: float) -> list[Group]:
         kinds = [joint.kind for joint in pair]
         group = None
         if kinds in (["hinge", "slide"], ["slide", "hinge"]):
-            group = _cylindrical(pair, size)
+            group = _cylindrical(pair)
         elif kinds == ["hinge", "hinge"]:
             group = _universal(pair, size)
         group = group or _single(joints[k])
@@ -109,7 +109,7 @@ def _single(joint: TreeJoint) -> Group:
     return Group("prismatic", joint.at, (axes, axes), [joint], ["slide"])
 
 
-def _cylindrical(pair: list[TreeJoint], size: float) -> Group | None:
+def _cylindrical(pair: list[TreeJoint]) -> Group | None:
     hinge, slide = sorted(pair, key=lambda joint: joint.kind)
     if np.linalg.norm(hinge.axis - slide.axis) > ALIGNED:
         return None
@@ -205,7 +205,7 @@ class SceneMaker:
         """What couples joints; the robot keeps only couplings that a scene can have."""
         trains = []
         for coupling in self.robot.couplings:
-            train = train_of(self.robot, coupling, self.size)
+            train = train_of(self.robot, coupling)
             if isinstance(train, Train):
                 trains.append(train)
             else:

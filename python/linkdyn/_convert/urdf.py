@@ -63,7 +63,7 @@ class _Reader:
             self.left_out.append(f"link '{order[0][0]}': it is the frame; its mass")
         bodies[0].mass = 0.0
         robot = Robot(self.file.root.get("name", ""), GRAVITY.copy(), bodies)
-        robot.loops = [self._loop(joint, numbers) for joint in loops] + self._closing_frames(robot, numbers)
+        robot.loops = [self._loop(joint, numbers) for joint in loops] + self._closing_frames(numbers)
         robot.couplings = self._couplings(robot)
         self._tell_the_rest()
         robot.left_out = self.left_out
@@ -213,7 +213,7 @@ class _Reader:
             self._tell_bounds(joint, kind)
         return loop
 
-    def _closing_frames(self, robot: Robot, numbers: dict[str, int]) -> list[Loop]:
+    def _closing_frames(self, numbers: dict[str, int]) -> list[Loop]:
         """Pairs of links that are to lie in each other; they turn about their z."""
         pairs: dict[str, dict[str, int]] = {}
         for name, number in numbers.items():

@@ -69,7 +69,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
         causes["preload"] = _only(content, preload=True)
     if any("misfit" in table for table in content.get("joint", [])):
         causes["misfit"] = _only(content, misfit=True)
-    given = _given(run, scene)
+    given = _given(run)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
     found = {"inertia": base}
     if scene.description["frame_moves"]:
@@ -123,7 +123,7 @@ def _free(name: str, taken: dict[str, Any]) -> str:
     return f"{name} ({n + 1})" if n else name
 
 
-def _given(run: xr.Dataset, scene: Scene) -> dict[str, NDArray[np.float64]]:
+def _given(run: xr.Dataset) -> dict[str, NDArray[np.float64]]:
     return {str(name): run.wrench.values[:, i] for i, name in enumerate(run.loaded_marker.values)} if "wrench" in run else {}
 
 

@@ -63,8 +63,8 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
             _draw_link(ax, markers, jointed(posture, k), link_colour(k))
     for cylinder in cylinders:
         _draw_cylinder(ax, cylinder, unit)
-    _draw_wheels(ax, posture, unit)
-    _draw_cams(ax, posture, unit)
+    _draw_wheels(ax, posture)
+    _draw_cams(ax, posture)
     _draw_springs(ax, posture, unit)
     told = [cylinder.joint["name"] for cylinder in cylinders]
     for joint in joints:
@@ -136,7 +136,7 @@ def _draw_cylinder(ax: Axes, cylinder: _Cylinder, unit: float) -> None:
     ax.plot(*np.array([cylinder.foot, end]).T, color=lighter(first, 0.35), linewidth=0.8, zorder=3.9)
 
 
-def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
+def _draw_wheels(ax: Axes, posture: Posture) -> None:
     """Pitch circles with a spoke that turns along, pitch lines of racks, belts."""
     dash: dict[str, Any] = {"linestyle": (0, (9, 2, 1.5, 2)), "linewidth": 1.1}
     for link, marker, radius in sorted(wheels(posture.scene.description), key=lambda wheel: -wheel[2]):     # the smaller in front
@@ -159,7 +159,7 @@ def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
             ax.plot(*(ends[0] + places[:, np.newaxis] * along).T, color=link_colour(link), zorder=2.4, **dash)
 
 
-def _draw_cams(ax: Axes, posture: Posture, unit: float) -> None:
+def _draw_cams(ax: Axes, posture: Posture) -> None:
     """Outlines of cams, rollers with a spoke that turns with the follower, flat faces."""
     for joint in posture.scene.description["joints"]:
         if not is_cam(joint):

@@ -122,7 +122,7 @@ def workspace(
     if kind == "3d":
         figure, panels = _space(cells, shown)
     else:
-        figure, panels = _slices(run, cells, shown)
+        figure, panels = _slices(cells, shown)
     hidden = [n for n in axis_names(run) if n not in names and n not in (where or {})]
     swept = [n for n, size in zip(axis_names(run), run.axis_size.values) if size > 1 and n in hidden]
     put_heading(figure, _heading(run, shown.title, _over(swept) if quantity not in ("feasible", "outcome") else ""))
@@ -189,7 +189,7 @@ def _colours(run: xr.Dataset, quantity: str, at: str | None, grid: Grid) -> _Sho
     return shown
 
 
-def _slices(run: xr.Dataset, cells: Cells, shown: _Shown) -> tuple[Figure, np.ndarray]:
+def _slices(cells: Cells, shown: _Shown) -> tuple[Figure, np.ndarray]:
     three = len(cells.names) == 3
     n = cells.shape[2] if three else 1
     chosen = np.unique(np.round(np.linspace(0, n - 1, min(n, MOST_SLICES))).astype(int))

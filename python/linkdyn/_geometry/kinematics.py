@@ -230,7 +230,7 @@ def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:
         case "screw":
             return [*(pair.apart(e) for e in across), *(pair.turning(e) for e in across), pair.advance(joint["lead"])]
         case "cam":
-            return [pair.rising(motion, joint) if joint["barrel"] else pair.touching(motion, joint)]
+            return [pair.rising(joint) if joint["barrel"] else pair.touching(motion, joint)]
     raise AssertionError(joint["type"])
 
 
@@ -300,7 +300,7 @@ class _Pair:
             drift = drift + contact.round * _dot(along, along)
         return Rows((self.first, self.second), (np.hstack([-e, -np.cross(arms[0], e)]), np.hstack([e, np.cross(arms[1], e)])), drift)
 
-    def rising(self, motion: LinkMotion, cam: dict[str, Any]) -> Rows:
+    def rising(self, cam: dict[str, Any]) -> Rows:
         """Rate of the height of a follower above a curve round a drum. To second order that is a parabola over the angle, fixed in the cam."""
         frame = self.frame()
         seen = np.einsum("nij,ni->nj", frame, self.gap)

@@ -514,7 +514,7 @@ def _design_columns(run: xr.Dataset) -> list[tuple[str, list[Cell]]]:
         factor, word = readable(unit, float(np.abs(values).max())) if unit != "SI" else (1.0, "")
         columns.append((f"{name}\n[{word}]" if word else name, [cell_of(value, factor) for value in values]))
 
-    def add(head: str, quantity: str, values: NDArray[np.float64], unit: str) -> None:
+    def add(head: str, values: NDArray[np.float64], unit: str) -> None:
         factor, word = readable(unit, float(np.nanmax(np.abs(values), initial=0.0)))
         columns.append((f"{head}\n[{word}]" if word else head, [cell_of(value, factor) for value in values]))
 
@@ -531,7 +531,7 @@ def _design_columns(run: xr.Dataset) -> list[tuple[str, list[Cell]]]:
             if quantity == "driving_speed":
                 values = np.fmax(np.abs(values), np.abs(run[f"{quantity}_min"].values.reshape(n, -1)))
             worst = np.array([np.nan if np.isnan(row).all() else np.nanmin(row) if side == "min" else np.nanmax(row) for row in values])
-            add(head, quantity, worst, _units(run, quantity, values.shape[1])[0])
+            add(head, worst, _units(run, quantity, values.shape[1])[0])
     columns.append(("feasible\n[%]", [cell_of(value, 100.0) for value in run.feasible_fraction.values]))
     if "feasible_volume" in run:
         unit = str(run.feasible_volume.attrs["units"]).replace("m2", "m²").replace("m3", "m³")
