@@ -18,7 +18,7 @@ module linkdyn_builder
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
     use linkdyn_model, only: model_type, take_motors, link_type, joint_type, leg_type, step_type, by_nothing, by_markers, by_fit, &
-        step_ups, step_csp, step_group, is_dyad, is_rod_leg, is_length, is_screw, scene_size, &
+        step_ups, step_csp, step_hung, step_group, is_dyad, is_rod_leg, is_length, is_screw, scene_size, &
         stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
@@ -383,7 +383,7 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (is_dyad(step%kind)) is_meant(step%joint(:step%n_link + 1)) = .true.
-                if (step%kind == step_csp .or. is_rod_leg(step%kind)) is_meant(step%joint(2)) = .true.
+                if (any(step%kind == [step_csp, step_hung]) .or. is_rod_leg(step%kind)) is_meant(step%joint(2)) = .true.
                 if (step%kind == step_group) is_iterated(model%group(step%first)%joint) = .true.
             end associate
         end do

@@ -4,7 +4,7 @@ module linkdyn_closed_forms
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, run_kernel
-    use linkdyn_model, only: model_type, step_type, step_csp, is_dyad, has_rod
+    use linkdyn_model, only: model_type, step_type, step_csp, step_hung, is_dyad, has_rod
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_step_kernels, only: of_ways, of_margins, of_quality
     use linkdyn_uncertainty, only: uncertainty_of_motion, largest_uncertainty
@@ -75,7 +75,7 @@ contains
                 if (is_dyad(step%kind)) then
                     call see_dyad(model, step, state, determinant, product, lengths)
                     if (all(determinant**2 > least_square*lengths**2)) cycle
-                else if (step%kind /= step_csp .and. .not. has_rod(step%kind)) then
+                else if (.not. (any(step%kind == [step_csp, step_hung]) .or. has_rod(step%kind))) then
                     cycle
                 end if
                 call find(model, step, of_quality, state, level_given, q)

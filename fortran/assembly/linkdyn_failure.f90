@@ -3,6 +3,7 @@ module linkdyn_failure
     use linkdyn_assembly_trail, only: lost_way
     use linkdyn_cam_contact, only: marker_place
     use linkdyn_constants, only: pi
+    use linkdyn_joint_table, only: is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -247,6 +248,7 @@ contains
         text = ""
         if (i == 0) return
         if (model%step(i)%kind /= step_rrr .or. any(model%step(:i - 1)%kind == step_group)) return
+        if (any(is_pose_part(model%joint(model%step(i)%joint([1, 3]))%kind))) return      ! the point is where the coordinates say
         call prepare_kinematics(model, 0, state)
         state%q = spread(lost%to, 1, lanes)
         state%branch = spread(lost%branch, 1, lanes)

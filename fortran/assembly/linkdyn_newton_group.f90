@@ -13,7 +13,7 @@ module linkdyn_newton_group
     use linkdyn_following, only: largest_contraction, untrusted
     use linkdyn_group_closing, only: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_table, only: is_threaded, is_slide, n_transmitted
+    use linkdyn_joint_table, only: is_threaded, is_slide, n_transmitted, pose_position
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
@@ -150,7 +150,8 @@ contains
             type(step_type), intent(in) :: step
             integer, intent(in) :: k
 
-            has_arm = all(model%joint(step%joint([2*k - 1, 2]))%kind == joint_revolute) &
+            has_arm = model%joint(step%joint(2))%kind == joint_revolute &
+                      .and. any(model%joint(step%joint(2*k - 1))%kind == [joint_revolute, pose_position]) &
                       .and. any(model%joint(step%joint(2))%link == step%link(k))
             if (is_rod_leg(step%kind)) has_arm = k == 2 .or. step%kind == step_rus
         end function has_arm

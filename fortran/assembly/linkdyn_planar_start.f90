@@ -82,7 +82,7 @@ contains
         associate (link => step%link(:step%n_link), joint => step%joint(:step%n_link + 1))
             has_hints = has_start(model, link, joint)
             fits = .false.
-            ! a dyad with a slide that leads inside it is led by more than where links are drawn
+            ! a dyad that coordinates lead is led by more than where links are drawn
             if (.not. (has_hints .or. is_led_dyad(step))) fits = fits_as_written(model, link, joint, state%plane)
             speaks = has_hints .or. fits
             if (forced /= 0) then

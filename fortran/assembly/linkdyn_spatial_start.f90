@@ -8,7 +8,8 @@ module linkdyn_spatial_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_csp, step_group, has_rod, by_branch, by_start, by_nothing
+    use linkdyn_model, only: model_type, step_type, step_csp, step_hung, step_group, has_rod, &
+        by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_planar_start, only: start_group
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
@@ -28,6 +29,7 @@ contains
         type(status_type), intent(inout) :: status
         type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         type(kinematic_state) :: state
+        type(start_distance) :: nearest
         integer :: i, k
 
         if (.not. status%is_ok() .or. model%is_planar) return
@@ -43,7 +45,7 @@ contains
         state%q = spread(model%start_q, 1, lanes)
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (is_closed(step)) call choose_way(model, i, state)
+                if (is_closed(step)) call choose_way(model, i, state, nearest)
                 if (step%kind == step_group) then
                     call start_group(model, step, state, status, like)
                 else
@@ -58,20 +60,22 @@ contains
     elemental logical function is_closed(step)
         type(step_type), intent(in) :: step
 
-        is_closed = step%kind == step_csp .or. has_rod(step%kind)
+        is_closed = any(step%kind == [step_csp, step_hung]) .or. has_rod(step%kind)
     end function is_closed
 
     !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways those
     !> that a `branch` leaves.
-    subroutine choose_way(model, i, state)
+    recursive subroutine choose_way(model, i, state, nearest)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i                           !! step of the plan
         type(kinematic_state), intent(inout) :: state
-        type(start_distance) :: distance, nearest
+        type(start_distance), intent(out) :: nearest       !! of that way
+        type(start_distance) :: distance
         integer :: told, branch, turn, least_turn, best(2)
+        integer, allocatable :: link(:), joint(:)
 
-        associate (step => model%step(i), link => model%step(i)%link(:model%step(i)%n_link), &
-                   joint => model%step(i)%joint(:model%step(i)%n_link + 1))
+        call list_parts(model, i, link, joint)
+        associate (step => model%step(i))
             told = 1
             if (step%has_branches) told = model%scene%joint(step%joint(2))%branch
             nearest%given = huge(1.0_wp)
@@ -83,7 +87,7 @@ contains
                 do turn = 1, least_turn, -2
                     call turn_rod(model, i, turn)
                     call run_step(model, model%step(i), state)
-                    distance = measure_distance(model, link, joint, state, .false.)
+                    call measure_way(model, i, state, distance)
                     if (.not. is_nearer(distance, 1, nearest%given(1), nearest%others(1))) cycle
                     nearest = distance
                     best = [branch, turn]
@@ -97,6 +101,60 @@ contains
             if (told == 0) model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, link, joint))
         end associate
     end subroutine choose_way
+
+    !> How far the way is from the start in which a step closes. A platform on rods counts with these, which stand behind it.
+    recursive subroutine measure_way(model, i, state, distance)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i
+        type(kinematic_state), intent(inout) :: state
+        type(start_distance), intent(out) :: distance
+        type(start_distance) :: of_rod
+        integer :: k
+
+        associate (step => model%step(i))
+            if (step%kind /= step_hung) then
+                distance = measure_distance(model, step%link(:step%n_link), step%joint(:step%n_link + 1), state, .false.)
+                return
+            end if
+            distance = measure_distance(model, step%link(:step%n_link), [integer ::], state, .false.)
+            do k = i + 1, last_rod_of(model, i)
+                call choose_way(model, k, state, of_rod)
+                call run_step(model, model%step(k), state)
+                distance%given = distance%given + of_rod%given
+                distance%others = distance%others + of_rod%others
+            end do
+        end associate
+    end subroutine measure_way
+
+    !> Of a platform on rods: that which has the margin of what holds its attitude.
+    pure integer function last_rod_of(model, i) result(last)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i                           !! step of the platform
+
+        last = i + 1
+        do while (.not. model%step(last)%has_margin)
+            last = last + 1
+        end do
+    end function last_rod_of
+
+    !> Links and joints that count.
+    subroutine list_parts(model, i, link, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        integer, allocatable, intent(out) :: link(:), joint(:)
+        integer :: k
+
+        associate (step => model%step(i))
+            link = step%link(:step%n_link)
+            joint = step%joint(:step%n_link + 1)
+            if (step%kind /= step_hung) return
+            joint = [integer ::]
+            do k = i + 1, last_rod_of(model, i)
+                link = [link, model%step(k)%link(1)]
+                joint = [joint, model%step(k)%joint(:2)]
+            end do
+        end associate
+    end subroutine list_parts
 
     !> On which side of where its margin is zero a closed form is that closes in one way.
     integer function side_at_start(model, step, state) result(branch)

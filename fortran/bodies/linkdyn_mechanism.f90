@@ -22,7 +22,7 @@ module linkdyn_mechanism
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
     public :: told_marker_frame
     public :: payload_properties
-    public :: scene_rod
+    public :: scene_rod, scene_line
     public :: set_slide, wheel_wrench, wheel_push, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, root_of, scene_point_of_origin, scene_rotation, least_square
@@ -470,11 +470,19 @@ contains
         type(step_type), intent(in) :: step
         type(vector) :: rod
 
-        associate (joint => mechanism%model%joint, inner => inner_of_rod(step), outer => outer_of_rod(step))
-            rod = scene_point(mechanism, outer, side_of(joint(outer), rod_of(step))) &
-                  - scene_point(mechanism, inner, side_of(joint(inner), rod_of(step)))
-        end associate
+        rod = scene_line(mechanism, inner_of_rod(step), outer_of_rod(step), rod_of(step))
     end function scene_rod
+
+    !> From one joint of a link to another one, axes of the scene.
+    function scene_line(mechanism, from, to, link) result(line)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: from, to, link
+        type(vector) :: line
+
+        associate (joint => mechanism%model%joint)
+            line = scene_point(mechanism, to, side_of(joint(to), link)) - scene_point(mechanism, from, side_of(joint(from), link))
+        end associate
+    end function scene_line
 
     !> A vector of unit length; one along an axis is exact.
     function direction_of(v) result(u)

@@ -9,7 +9,7 @@ module linkdyn_assemblies
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, step_type, step_group, is_dyad
+    use linkdyn_model, only: model_type, group_type, step_type, step_group, step_hung, is_dyad
     use linkdyn_scene, only: joint_prismatic, joint_universal, joint_spherical, joint_n_variable, is_pose_part
     implicit none (type, external)
     private
@@ -52,7 +52,8 @@ contains
         call go_on(model, 1, .true., branch, state, list)
     end subroutine find_assemblies
 
-    !> The joint at which a step's branch can be written: between its links or, of a dyad, any of its own. 0: none, or all of them are
+    !> The joint at which a step's branch can be written: between its links or, of a dyad, any of its own; of a platform on rods where the
+    !> first of these ends. 0: none, or all of them are
     !> parts of chains, which have no such key.
     pure integer function chooser_of(model, step) result(joint)
         type(model_type), intent(in) :: model
@@ -103,8 +104,14 @@ contains
 
         allocate (list%telling(0), list%placed(0))
         do i = 1, size(model%step)
-            if (model%step(i)%has_branches .and. chooser_of(model, model%step(i)) == 0) &
-                list%telling = [list%telling, variable_of_chain(model, model%step(i))]
+            associate (step => model%step(i))
+                if (.not. step%has_branches .or. chooser_of(model, step) > 0) cycle
+                if (step%kind == step_hung) then
+                    list%placed = [list%placed, step%link(1)]
+                else
+                    list%telling = [list%telling, variable_of_chain(model, step)]
+                end if
+            end associate
         end do
         do g = 1, size(model%group)
             associate (group => model%group(g))

@@ -1,6 +1,6 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
-    use linkdyn_model, only: model_type, step_type, step_csp, step_rus, step_pus, step_group, is_led_dyad, &
+    use linkdyn_model, only: model_type, step_type, step_csp, step_rus, step_pus, step_hung, step_group, is_led_dyad, &
         by_branch, by_start, by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
@@ -43,7 +43,7 @@ contains
         case (by_fit)
             text = text//"for all joints to fit"
         case default
-            if (any(step%kind == [step_group, step_csp, step_rus, step_pus]) .or. is_led_dyad(step)) then
+            if (any(step%kind == [step_group, step_csp, step_rus, step_pus, step_hung]) .or. is_led_dyad(step)) then
                 text = text//"nearest to joint variables of zero"
             else
                 text = text//"since nothing says otherwise"

@@ -12,13 +12,13 @@ module linkdyn_explain
     use linkdyn_choice, only: has_choice, choice_in_words, sharing_in_words
     use linkdyn_gearing, only: led_name
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_joint_table, only: n_transmitted
+    use linkdyn_joint_table, only: n_transmitted, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_mesh_losses, only: worm_friction_angle
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rod, step_rrr, step_rrp, step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
-        is_released, drives_share
+        step_rod, step_hung, step_rrr, step_rrp, step_group, step_name, n_hung_rod, base_of_hung, is_dyad, is_length, is_screw, &
+        place_size, side_of, holds_spin, is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
@@ -433,6 +433,12 @@ contains
             text = "rod "//trim(model%link(step%link(1))%name)//" between " &
                    //name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
                    //name_of(model, sum(model%joint(step%joint(2))%link) - step%link(1))//": closed form"
+        case (step_hung)
+            text = "platform "//trim(model%link(step%link(1))%name)//" on rods at"
+            do i = 2, 2*n_hung_rod, 2
+                text = text//" "//trim(model%joint(step%joint(i))%name)
+            end do
+            text = text//", which does not turn against "//name_of(model, base_of_hung(model, step))//": closed form"
         case (step_group)
             text = "Assur group of "//to_text(size(model%group(step%first)%link))//" links:"
             do i = 1, size(model%group(step%first)%link)
@@ -488,7 +494,12 @@ contains
         end do
         text = text//" by joints"
         do i = 1, 3
-            text = text//" "//trim(model%joint(step%joint(i))%name)
+            if (is_pose_part(model%joint(step%joint(i))%kind)) then
+                text = text//" (point from coordinates "//led_name(model, step%coordinate(i + 2))//" "// &
+                       led_name(model, step%coordinate(i + 3))//")"
+            else
+                text = text//" "//trim(model%joint(step%joint(i))%name)
+            end if
         end do
         do i = 4, step%n_link + 1
             text = text//", "//trim(model%joint(step%joint(i))%name)//" from coordinate "//led_name(model, step%coordinate(i - 3))

@@ -4,10 +4,12 @@ module linkdyn_certainty
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of
     use linkdyn_csp_group, only: csp_lines
     use linkdyn_dyads, only: half_type, half_of
+    use linkdyn_hung_platform, only: quality_of_hanging
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, side_of, has_rod, is_rod_leg
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_csp, step_hung, side_of, &
+        has_rod, is_rod_leg
     use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: quality_of_rod
     use linkdyn_value, only: value, constant, operator(+), operator(-), operator(*), sqrt, abs, max, min, reciprocal
@@ -36,6 +38,9 @@ contains
                 call margin_of_hold(mechanism, step, hold, drift)
                 q(1) = min(q(1), abs(hold))
             end if
+            return
+        else if (step%kind == step_hung) then
+            q = quality_of_hanging(mechanism, step)
             return
         else if (step%kind == step_csp) then
             ! The ball moves about the coupler's axis and along the slide; what counts is what lies across the axis.

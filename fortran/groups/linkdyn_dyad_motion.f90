@@ -6,7 +6,7 @@
 module linkdyn_dyad_motion
     use linkdyn_bodies, only: bodies_type, world_axes, set_vector, point_position, omega_of, alpha_of, carried_velocity, &
         carried_acceleration, rotation_of
-    use linkdyn_dyads, only: half_type, half_of, outer_point, inner_point, led_axis, left_of
+    use linkdyn_dyads, only: half_type, half_of, outer_point, led_shift, inner_point, led_axis, left_of
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type
     use linkdyn_model, only: step_type, step_rrr, step_rpr, step_prp, step_ppr
@@ -54,12 +54,11 @@ contains
             from(i) = hinge
             if (turns(i)) from(i) = outer_point(mechanism, half(i))
             drawn(i) = drawn_out(mechanism, half(i), mechanism%qd)
-            carried(i) = carried_velocity(mechanism%bodies, half(i)%known, from(i)) + drawn(i)
+            carried(i) = velocity_at(mechanism, half(i), from(i)) + drawn(i)
         end do
         rate = closing_rates(way(1), -way(2), carried(2) - carried(1))
         do i = 1, 2
-            carried(i) = carried_acceleration(mechanism%bodies, half(i)%known, from(i)) &
-                         + drawn_out(mechanism, half(i), mechanism%qdd)
+            carried(i) = acceleration_at(mechanism, half(i), from(i)) + drawn_out(mechanism, half(i), mechanism%qdd)
             if (turns(i)) then
                 carried(i) = carried(i) - (rate(i)*rate(i))*(hinge - from(i)) + (2.0_wp*rate(i))*left_of(drawn(i))
             else
@@ -87,14 +86,12 @@ contains
 
         hinge = [(outer_point(mechanism, half(i)), i=1, 2)]
         drawn = drawn_out(mechanism, half(1), mechanism%qd) - drawn_out(mechanism, half(2), mechanism%qd)
-        associate (bodies => mechanism%bodies)
-            gap = carried_velocity(bodies, half(2)%known, hinge(2)) - carried_velocity(bodies, half(1)%known, hinge(1)) - drawn
-            rate = closing_rates(way(1), way(2), gap)
-            gap = carried_acceleration(bodies, half(2)%known, hinge(2)) - carried_acceleration(bodies, half(1)%known, hinge(1))
-            gap = gap - (drawn_out(mechanism, half(1), mechanism%qdd) - drawn_out(mechanism, half(2), mechanism%qdd)) &
-                  + (rate(1)*rate(1))*(hinge(2) - hinge(1)) - (2.0_wp*rate(1))*left_of(rate(2)*way(2) + drawn)
-            second = closing_rates(way(1), way(2), gap)
-        end associate
+        gap = velocity_at(mechanism, half(2), hinge(2)) - velocity_at(mechanism, half(1), hinge(1)) - drawn
+        rate = closing_rates(way(1), way(2), gap)
+        gap = acceleration_at(mechanism, half(2), hinge(2)) - acceleration_at(mechanism, half(1), hinge(1))
+        gap = gap - (drawn_out(mechanism, half(1), mechanism%qdd) - drawn_out(mechanism, half(2), mechanism%qdd)) &
+              + (rate(1)*rate(1))*(hinge(2) - hinge(1)) - (2.0_wp*rate(1))*left_of(rate(2)*way(2) + drawn)
+        second = closing_rates(way(1), way(2), gap)
         do i = 1, 2
             call turn_about(mechanism, half(i), rate(1), second(1))
         end do
@@ -111,9 +108,9 @@ contains
         hinge = outer_point(mechanism, half(2))
         drawn = drawn_out(mechanism, half(1), mechanism%qd) - drawn_out(mechanism, half(2), mechanism%qd)
         associate (bodies => mechanism%bodies)
-            gap = carried_velocity(bodies, half(2)%known, hinge) - carried_velocity(bodies, half(1)%known, hinge) - drawn
+            gap = velocity_at(mechanism, half(2), hinge) - carried_velocity(bodies, half(1)%known, hinge) - drawn
             rate = closing_rates(way(1), way(2), gap)
-            gap = carried_acceleration(bodies, half(2)%known, hinge) - carried_acceleration(bodies, half(1)%known, hinge) &
+            gap = acceleration_at(mechanism, half(2), hinge) - carried_acceleration(bodies, half(1)%known, hinge) &
                   - (drawn_out(mechanism, half(1), mechanism%qdd) - drawn_out(mechanism, half(2), mechanism%qdd)) &
                   - coriolis(bodies, half(1)%known, rate(1)*way(1) + rate(2)*way(2) + drawn)
             second = closing_rates(way(1), way(2), gap)
@@ -168,6 +165,28 @@ contains
 
     ! ---------------------------------------------------------------- carried by a link
 
+    !> How a point of a half would move if that moved with the known link alone; one that coordinates give moves as these say.
+    function velocity_at(mechanism, half, point) result(v)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector), intent(in) :: point                  !! world axes [m]
+        type(vector) :: v
+
+        v = carried_velocity(mechanism%bodies, half%known, point)
+        if (half%shift(1) > 0) v = v + led_shift(mechanism, half, mechanism%qd)
+    end function velocity_at
+
+    function acceleration_at(mechanism, half, point) result(a)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector), intent(in) :: point                  !! world axes [m]
+        type(vector) :: a
+
+        a = carried_acceleration(mechanism%bodies, half%known, point)
+        if (half%shift(1) > 0) a = a + led_shift(mechanism, half, mechanism%qdd) &
+            + coriolis(mechanism%bodies, half%known, led_shift(mechanism, half, mechanism%qd))
+    end function acceleration_at
+
     !> Of what slides on a link.
     function coriolis(bodies, link, velocity) result(a)
         type(bodies_type), intent(in) :: bodies
@@ -192,8 +211,8 @@ contains
         associate (bodies => mechanism%bodies)
             call turn(bodies, half%link, vector(zero(), zero(), rate), vector(zero(), zero(), second))
             arm = bodies%body(half%link)%position - hinge
-            bodies%body(half%link)%velocity = carried_velocity(bodies, half%known, hinge) + rate*left_of(arm)
-            call set_vector(bodies%body(half%link)%acceleration, world_axes, carried_acceleration(bodies, half%known, hinge) &
+            bodies%body(half%link)%velocity = velocity_at(mechanism, half, hinge) + rate*left_of(arm)
+            call set_vector(bodies%body(half%link)%acceleration, world_axes, acceleration_at(mechanism, half, hinge) &
                             + second*left_of(arm) - (rate*rate)*arm)
         end associate
     end subroutine turn_about

@@ -15,7 +15,7 @@ module linkdyn_dyads
     implicit none (type, external)
     private
     public :: place_dyad, find_ways
-    public :: half_type, half_of, outer_point, left_of, inner_point, inner_marker, led_axis, drawn_arm
+    public :: half_type, half_of, outer_point, led_shift, left_of, inner_point, inner_marker, led_axis, drawn_arm
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are products, relative to the lengths in them
 
@@ -27,6 +27,7 @@ module linkdyn_dyads
         integer :: given = 0                               !! coordinate, or what gears lead, that gives its variable
         integer :: led_side = 0                            !! of the link in it
         integer :: known = 0                               !! link at the other side of the outer joint
+        integer :: shift(2) = 0                            !! coordinates by which that link sees the outer joint's point; 0: there are none
         integer :: outer = 0, inner = 0                    !! joints
         integer :: side = 0, inner_side = 0                !! of the link in the outer, of the tip in the inner one
         integer :: sense = 1                               !! +1: a slide at the outer joint grows as the link moves along its axis
@@ -82,6 +83,7 @@ contains
         half%side = side_of(mechanism%model%joint(half%outer), half%link)
         half%inner_side = side_of(mechanism%model%joint(half%inner), half%tip)
         half%known = mechanism%model%joint(half%outer)%link(3 - half%side)
+        half%shift = step%coordinate(2*i + 1:2*i + 2)
     end function half_of
 
     ! ---------------------------------------------------------------- the five kinds
@@ -419,14 +421,28 @@ contains
         end do
     end subroutine place_tips
 
-    !> Where the outer joint's point on the known link is.
+    !> Where the outer joint's point on the known link is; where coordinates give a point of the half, that is.
     function outer_point(mechanism, half) result(point)
         type(mechanism_type), intent(in) :: mechanism
         type(half_type), intent(in) :: half
         type(vector) :: point
 
         point = point_position(mechanism%bodies, half%known, marker_point(mechanism, half%outer, 3 - half%side))
+        if (half%shift(1) > 0) point = point + led_shift(mechanism, half, mechanism%q)
     end function outer_point
+
+    !> Coordinates of a point, or their rates, from the known link's marker on, world axes.
+    function led_shift(mechanism, half, given) result(shift)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(value), intent(in) :: given(:)                !! all that is given [m]
+        type(vector) :: shift
+        type(rotation) :: frame
+
+        frame = marker_frame(mechanism, half%outer, 3 - half%side)
+        shift = rotation_of(mechanism%bodies, half%known) .rotate. &
+                (frame.rotate.vector(given(half%shift(1)), given(half%shift(2)), zero()))
+    end function led_shift
 
     !> The link hangs on its outer hinge, turned as given.
     subroutine hang(mechanism, half, r)

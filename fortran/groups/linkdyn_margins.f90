@@ -2,15 +2,18 @@
 !>
 !> The margin is the sine of the transmission angle, with a sign that tells the assemblies apart: of a planar dyad between
 !> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
-!> coupler's axis, of a leg with a rod between this and the way of its end; of the rods that hold a platform's attitude see
-!> `linkdyn_parallel_rods`. Who integrates a motion judges by it whether a step may have left an assembly.
+!> coupler's axis, of a leg with a rod between this and the way of its end; of three rods on which a platform hangs the
+!> volume between them, see `linkdyn_hung_platform`; of those that hold its attitude see `linkdyn_parallel_rods`. Who integrates
+!> a motion judges by it whether a step may have left an assembly.
 module linkdyn_margins
     use linkdyn_bodies, only: world_axes, omega_of, point_velocity
     use linkdyn_csp_group, only: csp_lines
     use linkdyn_dyads, only: half_type, half_of, inner_marker, drawn_arm
+    use linkdyn_hung_platform, only: margin_of_hanging
     use linkdyn_joint_table, only: joint_prismatic
     use linkdyn_mechanism, only: mechanism_type, marker_point
-    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, step_rod, side_of
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_prp, step_csp, step_rus, step_pus, step_rod, step_hung, &
+        side_of
     use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: margin_of_rod
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
@@ -41,6 +44,8 @@ contains
                     call margin_of_csp(mechanism, step, margin(k), drift(k))
                 case (step_rus, step_pus)
                     call margin_of_rod(mechanism, step, margin(k), drift(k))
+                case (step_hung)
+                    call margin_of_hanging(mechanism, step, margin(k), drift(k))
                 case (step_rod)
                     if (step%has_margin) call margin_of_hold(mechanism, step, margin(k), drift(k))
                 end select

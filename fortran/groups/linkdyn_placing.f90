@@ -4,12 +4,13 @@ module linkdyn_placing
     use linkdyn_csp_group, only: place_csp
     use linkdyn_dyads, only: place_dyad
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
+    use linkdyn_hung_platform, only: hang_on_rods
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rod, step_group, is_dyad
+        step_rod, step_hung, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
     use linkdyn_parallel_rods, only: must_hold
     use linkdyn_rod_leg, only: close_rod_leg, close_rod
@@ -70,6 +71,8 @@ contains
         case (step_rod)
             call close_rod(mechanism, step)
             if (step%has_margin) call must_hold(mechanism, step)
+        case (step_hung)
+            call hang_on_rods(mechanism, step, branch, equations)
         case default
             call complete_led(mechanism, pack(step%coordinate, step%coordinate > 0), [integer ::])
             call place_dyad(mechanism, step, branch)
@@ -91,6 +94,8 @@ contains
         integer :: given(3, step%n_link + 1)
 
         given = 0
+        given(:2, 1) = step%coordinate(3:4)
+        given(:2, 3) = step%coordinate(5:6)
         given(1, 4:) = step%coordinate(:step%n_link - 2)
         call list_constraints(mechanism, step%link(:step%n_link), step%joint(:step%n_link + 1), given, constraints)
     end subroutine list_step_constraints

@@ -20,8 +20,9 @@ module linkdyn_rod_leg
     use linkdyn_line_turning, only: turning_of_line, turning_of_line_2
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, scene_rod, root_of, must_be_positive, least_square
     use linkdyn_model, only: step_type, step_rus, side_of, is_rod_leg, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+    use linkdyn_named_unknowns, only: named, named_vector
     use linkdyn_open_chain, only: walk_shift
-    use linkdyn_system, only: system_type, unknown, require
+    use linkdyn_system, only: system_type
     use linkdyn_value, only: value, zero, one, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal, square, abs
     use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, identity_rotation, operator(+), operator(-), &
         operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
@@ -287,24 +288,4 @@ contains
             end associate
         end associate
     end subroutine put_rod
-
-    ! ---------------------------------------------------------------- unknown accelerations
-
-    !> What many unknowns stand in becomes an unknown itself: the leg's equations then have four of them instead of all that move P.
-    function named(equations, a) result(b)
-        type(system_type), intent(inout) :: equations
-        type(value), intent(in) :: a
-        type(value) :: b
-
-        b = unknown(equations)
-        call require(equations, b - a)
-    end function named
-
-    function named_vector(equations, a) result(b)
-        type(system_type), intent(inout) :: equations
-        type(vector), intent(in) :: a
-        type(vector) :: b
-
-        b = vector(named(equations, a%x), named(equations, a%y), named(equations, a%z))
-    end function named_vector
 end module linkdyn_rod_leg

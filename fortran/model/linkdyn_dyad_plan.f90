@@ -1,9 +1,10 @@
 !> Recognise a planar dyad: two halves, each held to a known link, and to each other.
 !>
 !> A half is a link, or two that a slide holds together whose variable is given: a cylinder that is told its stroke is as rigid as
-!> a rod. So a boom with its cylinder closes as two rods do.
+!> a rod. So a boom with its cylinder closes as two rods do. A half of which coordinates give a point, the tip of a robot, is held to
+!> the link that they are seen from as by a hinge.
 module linkdyn_dyad_plan
-    use linkdyn_joint_table, only: is_partial
+    use linkdyn_joint_table, only: is_partial, pose_position
     use linkdyn_model, only: model_type, step_type, leads_within
     use linkdyn_scene, only: joint_prismatic
     implicit none (type, external)
@@ -31,7 +32,7 @@ contains
         led = pack(joint, is_led(joint))
         free = pack(joint, .not. is_led(joint))
         if (size(free) /= 3 .or. size(led) /= size(member) - 2) return
-        if (any(given(1, free) > 0) .or. .not. all(holds_plainly(free))) return
+        if (.not. all(holds_plainly(free))) return
         call halve(led, half)
         if (maxval(half) /= 2) return
         outer = 0
@@ -53,6 +54,8 @@ contains
             associate (l => model%joint(step%joint(2*h - 1))%link)
                 step%link(h) = merge(l(1), l(2), half(l(1)) > 0)
             end associate
+            if (model%joint(step%joint(2*h - 1))%kind == pose_position) &
+                step%coordinate(2*h + 1:2*h + 2) = given(:2, step%joint(2*h - 1))
         end do
         do i = 1, size(led)
             associate (l => model%joint(led(i))%link)
@@ -81,7 +84,11 @@ contains
         elemental logical function holds_plainly(j)
             integer, intent(in) :: j
 
-            holds_plainly = .not. is_partial(model%joint(j)%kind) .and. model%joint(j)%cam == 0
+            if (model%joint(j)%kind == pose_position) then
+                holds_plainly = all(given(:2, j) > 0) .and. known(model%joint(j)%link(1))
+            else
+                holds_plainly = given(1, j) == 0 .and. .not. is_partial(model%joint(j)%kind) .and. model%joint(j)%cam == 0
+            end if
         end function holds_plainly
 
         !> Members that a slide holds together are one half; no more than two are.
@@ -109,25 +116,39 @@ contains
 
         step%link(:2) = step%link([2, 1])
         step%joint(:3) = step%joint([3, 2, 1])
+        step%coordinate(3:6) = step%coordinate([5, 6, 3, 4])
     end subroutine turn_round
 
-    !> Joints between some links, and from these to known ones.
+    !> Joints between some links, and from these to known ones; those last by which coordinates lead links.
     pure function joints_of(model, member, known) result(joint)
         type(model_type), intent(in) :: model
         integer, intent(in) :: member(:)
         logical, intent(in) :: known(0:)
         integer, allocatable :: joint(:)
-        integer :: i, k, side
+        integer :: i, j, k, side
 
         allocate (joint(0))
         do i = 1, size(member)
             do k = model%first_at(member(i)), model%first_at(member(i) + 1) - 1
                 associate (j => model%joint_at(k))
                     if (any(joint == j)) cycle
-                    if (all([(known(model%joint(j)%link(side)) .or. any(member == model%joint(j)%link(side)), side=1, 2)])) &
-                        joint = [joint, j]
+                    if (is_inside(j)) joint = [joint, j]
                 end associate
             end do
         end do
+        do j = model%n_joint + 1, size(model%joint)
+            if (is_inside(j)) joint = [joint, j]
+        end do
+
+    contains
+
+        pure logical function is_inside(j)
+            integer, intent(in) :: j
+
+            associate (link => model%joint(j)%link)
+                is_inside = all([(known(link(side)) .or. any(member == link(side)), side=1, 2)]) &
+                            .and. any([(any(member == link(side)), side=1, 2)])
+            end associate
+        end function is_inside
     end function joints_of
 end module linkdyn_dyad_plan

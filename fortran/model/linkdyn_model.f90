@@ -15,13 +15,14 @@ module linkdyn_model
     public :: take_motors
     public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
-    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_rrr, step_rrp, step_rpr, step_prp, &
-        step_ppr, step_group, step_parts, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_rrr, step_rrp, step_rpr, &
+        step_prp, step_ppr, step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
         feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+    public :: n_hung_rod, base_of_hung
     public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
@@ -54,9 +55,10 @@ module linkdyn_model
     integer, parameter :: step_rus = 12      !! as CSP a crank and the rod behind it, see `linkdyn_rod_leg`
     integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
     integer, parameter :: step_rod = 14      !! a rod between known links, see `linkdyn_rod_leg`
-    character(len=24), parameter :: step_name(14) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+    integer, parameter :: step_hung = 15     !! a platform on three rods that does not turn, see `linkdyn_hung_platform`
+    character(len=24), parameter :: step_name(15) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", &
-        "RUS leg", "PUS leg", "rod"]
+        "RUS leg", "PUS leg", "rod", "platform on rods"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -66,6 +68,7 @@ module linkdyn_model
     integer, parameter :: by_fit = 5         !! only so do joints fit that others hold already
     real(wp), parameter :: stride_part = 0.1_wp   !! stride of a coordinate: of a radian, or of the mechanism's size
     real(wp), parameter :: most_turned = 165*pi/180     !! of an angle from its start whose turns nobody counts [rad]
+    integer, parameter :: n_hung_rod = 3     !! rods of such a platform
     integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured
 
     !> Constants of a moving link.
@@ -181,7 +184,8 @@ module linkdyn_model
         integer :: joint(9) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
                                               !! whose variables are given; links beyond the second are at their far ends; of a
                                               !! rod that holds a platform see `linkdyn_parallel_rods`
-        integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
+        integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components; of a dyad those of the slides
+                                              !! inside it, then x and y of the points of either half that are given in place of outer joints
         integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, other closed forms, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
@@ -402,11 +406,12 @@ contains
         is_dyad = kind >= step_rrr .and. kind <= step_ppr
     end function is_dyad
 
-    !> A dyad in which slides, whose variables are given, hold links together two by two.
+    !> A dyad that coordinates lead: in which slides, whose variables are given, hold links together two by two, or a point of which is
+    !> given.
     pure logical function is_led_dyad(step)
         type(step_type), intent(in) :: step
 
-        is_led_dyad = is_dyad(step%kind) .and. step%n_link > 2
+        is_led_dyad = is_dyad(step%kind) .and. any(step%coordinate > 0)
     end function is_led_dyad
 
     !> Is it a crank or carriage with a rod behind it?
@@ -450,6 +455,19 @@ contains
 
         joint = merge(inner_of_rod(step), outer_of_rod(step), model%joint(inner_of_rod(step))%kind == joint_universal)
     end function universal_of_rod
+
+    !> As which link a platform on rods turns: that on which the first lead hangs by hinge or slide.
+    pure integer function base_of_hung(model, step) result(base)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer :: rod, lead
+
+        associate (joint => model%joint, inner => step%joint(1), outer => step%joint(2), hinge => step%joint(2*n_hung_rod + 1))
+            rod = joint(outer)%link(3 - side_of(joint(outer), step%link(1)))
+            lead = joint(inner)%link(3 - side_of(joint(inner), rod))
+            base = joint(hinge)%link(3 - side_of(joint(hinge), lead))
+        end associate
+    end function base_of_hung
 
     !> Freedoms of a link on its own.
     pure integer function link_freedom(model)

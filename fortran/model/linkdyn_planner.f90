@@ -13,11 +13,11 @@ module linkdyn_planner
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, side_of, link_freedom, place_size, rod_of, &
-        inner_of_rod, outer_of_rod, universal_of_rod
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, side_of, link_freedom, place_size, &
+        rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
-    use linkdyn_shift_plan, only: shift_type, find_shift, n_pair
+    use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -239,7 +239,10 @@ contains
                 if (plan%n_step == n_before) call close_csp_group(model, member, plan)
                 if (plan%n_step == n_before) call close_rod_leg(model, member, plan)
             end if
-            if (.not. model%is_planar .and. size(member) > 2) call close_shift(model, member, plan)
+            if (.not. model%is_planar .and. size(member) > 2) then
+                call close_shift(model, member, plan)
+                if (plan%n_step == n_before) call close_hung(model, member, plan)
+            end if
         end subroutine place_directly
     end subroutine place_group
 
@@ -608,7 +611,7 @@ contains
         type(shift_type) :: shift
         type(step_type) :: step
         logical :: found
-        integer :: i, k
+        integer :: i
 
         call find_shift(model, member, plan%known, plan%given, shift, found)
         if (.not. found) return
@@ -621,20 +624,57 @@ contains
             call add_rod_leg(model, shift%leg(1, i), plan)
         end do
         do i = 1, n_pair
-            step = step_type(kind=step_rod, n_link=1)
-            step%link(1) = rod_of(shift%leg(2, i))
-            step%joint(:2) = shift%leg(2, i)%joint(2:3)
-            if (i == n_pair) then
-                do k = 1, n_pair
-                    associate (own => shift%leg(:, 1 + mod(i + k - 2, n_pair)))
-                        step%joint(3*k - 2:3*k) = [own(2)%joint(2:3), outer_of_rod(own(1))]
-                    end associate
-                end do
-                call add_margin(model, step)
-            end if
-            call add_rod(model, step, plan)
+            call add_lone_rod(model, shift, 2, i, plan)
         end do
     end subroutine close_shift
+
+    !> The same platform where its leads are known: itself, by one rod of each pair, then these and the other rods.
+    subroutine close_hung(model, member, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(:)
+        type(planning), intent(inout) :: plan
+        type(shift_type) :: shift
+        type(step_type) :: step
+        logical :: found
+        integer :: i, k
+
+        call find_hung(model, member, plan%known, plan%given, shift, found)
+        if (.not. found) return
+        step = step_type(kind=step_hung, n_link=1, has_branches=.true.)
+        step%link(1) = shift%platform
+        step%joint(:2*n_pair + 1) = [(shift%leg(1, i)%joint(2:3), i=1, n_pair), shift%leg(1, 1)%joint(1)]
+        call add_margin(model, step)
+        call add_step(plan, step)
+        do k = 1, shift%n_rod
+            do i = 1, n_pair
+                call add_lone_rod(model, shift, k, i, plan)
+            end do
+        end do
+    end subroutine close_hung
+
+    !> Rod k of a pair, both ends of which are known; the last of all has the margin of what holds the platform's attitude.
+    subroutine add_lone_rod(model, shift, k, pair, plan)
+        type(model_type), intent(inout) :: model
+        type(shift_type), intent(in) :: shift
+        integer, intent(in) :: k, pair
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
+        integer :: i
+
+        step = step_type(kind=step_rod, n_link=1)
+        step%link(1) = rod_of(shift%leg(k, pair))
+        step%joint(:2) = shift%leg(k, pair)%joint(2:3)
+        if (k == shift%n_rod .and. pair == n_pair) then
+            do i = 1, n_pair
+                associate (own => shift%leg(:, 1 + mod(pair + i - 2, n_pair)))
+                    if (k == 1) step%joint(2*i - 1:2*i) = own(1)%joint(2:3)
+                    if (k == 2) step%joint(3*i - 2:3*i) = [own(2)%joint(2:3), outer_of_rod(own(1))]
+                end associate
+            end do
+            call add_margin(model, step)
+        end if
+        call add_rod(model, step, plan)
+    end subroutine add_lone_rod
 
     !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_leg`; or,
     !> where legs need only be straight, in any axes and in this order from whichever end.

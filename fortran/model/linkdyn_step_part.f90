@@ -102,7 +102,8 @@ contains
                 part%model%scene%coordinate(n)%kind = coordinate_pose
                 if (own%kind == step_joint) call lead_joint(part, n, 1, k)
                 if (own%kind == step_parts) call lead_joint(part, n, 1 + (k - 1)/3, 1 + mod(k - 1, 3))
-                if (is_dyad(own%kind)) call lead_joint(part, n, 3 + k, 1)
+                if (is_dyad(own%kind) .and. k <= 2) call lead_joint(part, n, 3 + k, 1)
+                if (is_dyad(own%kind) .and. k > 2) call lead_joint(part, n, 1 + 2*((k - 3)/2), 1 + mod(k - 3, 2))
             end do
             part%model%n_dyad = merge(1, 0, is_dyad(own%kind))
             part%model%n_branch = merge(1, 0, own%has_margin)

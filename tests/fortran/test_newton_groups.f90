@@ -16,7 +16,7 @@ module test_newton_groups
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group, step_rod
+    use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group, step_rod, step_hung
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_quaternion, only: turned_by
@@ -49,6 +49,8 @@ contains
             new_test("CSP group", test_csp), &
             new_test("crank or carriage and rod", test_rod_legs), &
             new_test("parallel rods", test_parallel_rods), &
+            new_test("platforms on rods", test_hung_platforms), &
+            new_test("dyads by a point", test_tip), &
             new_test("dyads", test_dyads), &
             new_test("slides parallel to a moving link", test_parallel_slides), &
             new_test("places of links", test_places), &
@@ -123,6 +125,39 @@ contains
         call check(error, count(model%step%kind == step_rod) == 3 .and. size(model%group) == 0, "three rods between known links")
         call compare(error, scene)
     end subroutine test_parallel_rods
+
+    !> Pairs of rods, and single ones between universal joints.
+    subroutine test_hung_platforms(error)
+        type(test_error), intent(inout) :: error
+        character(len=40), parameter :: file(2) = [character(len=40) :: "examples/delta/scene.toml", &
+                                                   "tests/scenes/delta_of_single_rods.toml"]
+        type(scene_type) :: scene
+        type(model_type) :: model
+        type(status_type) :: status
+        integer :: i
+
+        do i = 1, size(file)
+            call read_scene(trim(file(i)), scene, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            call build_model(scene, model, status)
+            call check(error, count(model%step%kind == step_hung) == 1 .and. size(model%group) == 0, "a platform on rods")
+            call compare(error, scene, by=0.1_wp)
+            if (allocated(error%message)) return
+        end do
+    end subroutine test_hung_platforms
+
+    !> Coordinates give a point of a link.
+    subroutine test_tip(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call read_scene("tests/scenes/fivebar_by_tip.toml", scene, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call compare(error, scene, by=0.05_wp)
+    end subroutine test_tip
 
     subroutine test_dyads(error)
         type(test_error), intent(inout) :: error

@@ -255,7 +255,7 @@ def test_delta_by_its_tool_closes(height: float, elbow: int | None) -> None:
             np.testing.assert_allclose(place[f"arm{leg + 1}.{rod}"] + turn[f"arm{leg + 1}.{rod}"] @ [0, 0, 0.8], top, atol=1e-9)
     scene["coordinate"][0]["start"] = {"z": 1.5}
     far = linkdyn.Scene(scene).inverse()
-    assert (far.status == 1).all() and "'arm3.crank', 'arm3.rod1' cannot be closed at the start" in far.attrs["failure"]
+    assert (far.status == 1).all() and "'arm1.crank', 'arm1.rod1' cannot be closed at the start" in far.attrs["failure"]
     scene["link"][0]["start"]["angles"] = [0.0, 0.0, 0.7]            # by iteration
     with pytest.raises(linkdyn.SceneError, match="cannot be closed at the start, platform.x = 0 m, platform.y = 0 m, platform.z = 1.5 m"):
         linkdyn.Scene(scene)

@@ -158,7 +158,7 @@ def test_a_start_out_of_reach_says_where_it_is():
     with pytest.raises(linkdyn.SceneError, match=r"cannot be closed at the start, .*z = -0\.95 m \(expected coordinates within reach"):
         linkdyn.Scene(turned % "-950 mm")
     arm = linkdyn.Scene(DELTA % "-950 mm").inverse()  # by formulas, arm by arm
-    assert (arm.status == 1).all() and arm.attrs["failure"] == "t = 0 s: links 'arm3.crank', 'arm3.rod1' cannot be closed at the start"
+    assert (arm.status == 1).all() and arm.attrs["failure"] == "t = 0 s: links 'arm1.crank', 'arm1.rod1' cannot be closed at the start"
     assert (linkdyn.Scene(DELTA % "-550 mm").inverse().status == 0).all()
 
 
