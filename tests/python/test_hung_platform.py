@@ -246,19 +246,37 @@ def test_forward(lead: str) -> None:
 
 
 def test_volume_between_the_rods_vanishes() -> None:
-    """Towards the limit of reach samples are right or `singular`, never of the other assembly."""
+    """Towards the limit of reach samples are right, to three digits at least, or `singular`, never of the other assembly."""
     closed, iterated = pair("P", unequal=False)
     q = np.zeros((401, 3))
     edge = _edge()
     q[:, 0] = edge - np.geomspace(1e-15, 1e-1, 401)
-    one = closed.inverse(q=q)
+    stream = np.random.default_rng(2)
+    rates = stream.uniform(-1, 1, (2, 401, 3))
+    one, two = (scene.inverse(q, *rates, want="all") for scene in (closed, iterated))
     ok = one.status.values == 0
+    both = ok & (two.status.values == 0)
+    off = np.abs(one.driving_force - two.driving_force).max(axis=1) / np.abs(two.driving_force).max(axis=1)
+    assert both.sum() > 200 and float(off[both].max()) < 1e-3
     assert (np.diff(ok.astype(int)) >= 0).all() and ok[-1] and not ok[0]
     place = closed.poses(q=q).position[ok, 0]
     centre = upper_ends("P", q[ok], unequal=False)
     side = np.linalg.det(place[:, None] - centre)
     first = closed.poses(q=closed.motion([0.0])[0]).position[0, 0]
     assert (np.sign(side) == np.sign(np.linalg.det(first - upper_ends("P", closed.motion([0.0])[0], unequal=False)[0]))).all()
+
+
+def test_driven_over_the_limit_and_back() -> None:
+    """Beyond it nothing is told, before and behind it what iteration tells."""
+    closed, iterated = pair("P", unequal=False)
+    q = np.zeros((401, 3))
+    q[:, 0] = 1.05 * _edge() * np.sin(np.pi * np.linspace(0, 1, 401))
+    one, two = (scene.inverse(q=q, in_order=True) for scene in (closed, iterated))
+    np.testing.assert_array_equal(one.status == 0, two.status == 0)
+    ok = one.status.values == 0
+    assert 0.5 < ok.mean() < 1 and ok[-1] and "links 'platform' cannot be closed beyond P0" in one.attrs["failure"]
+    here, there = (scene.poses(q=q, in_order=True).position[ok] for scene in (closed, iterated))
+    np.testing.assert_allclose(here, there, rtol=0, atol=1e-12)
 
 
 def _edge() -> float:
@@ -333,3 +351,18 @@ def test_single_rods_against_iteration() -> None:
     np.testing.assert_array_equal(one.status, two.status)
     assert (one.status == 0).all()
     np.testing.assert_allclose(one.driving_force, two.driving_force, rtol=0, atol=1e-11 * float(np.abs(two.driving_force).max()))
+
+
+def test_what_lets_the_platform_turn() -> None:
+    """A rod longer than the other of its pair, or a universal joint whose outer axis is not along its crank's hinge, turns the platform: by
+    iteration, as before."""
+    longer = driven("R")
+    next(link for link in longer["link"] if link["name"] == "rod11")["markers"]["P"][2] += 1e-3
+    tilted = with_single_rods()
+    next(link for link in tilted["link"] if link["name"] == "lead1")["markers"]["E0"]["axis"] = [0, 1, 1e-3]
+    for content in (longer, tilted):
+        scene = linkdyn.Scene(content)
+        assert "Newton" in scene.explain()
+        q = scene.motion(np.linspace(0, 1, 21))[0]
+        assert (scene.inverse(q=q).status == 0).all()
+        assert np.abs(scene.poses(q=q).rotation[:, scene.links.index("platform")] - np.eye(3)).max() > 1e-5
