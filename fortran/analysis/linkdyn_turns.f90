@@ -35,6 +35,8 @@ module linkdyn_turns
         real(wp), allocatable :: rate(:)               !! of the joint variables (n_variable)
         real(wp), allocatable :: branch(:)             !! its assembly, see `sample_assembly`; absent: there is but one
         real(wp), allocatable :: set_out(:), place(:, :)
+        integer :: n_in_vain = 0                       !! closer looks along the way that told nothing, since the last one that did
+        integer :: n_piece = 0                         !! of ways looked at so far
     end type turn_count
 
     !> Joint variables that are angles of whole turns, as those are that go round, and coordinates.

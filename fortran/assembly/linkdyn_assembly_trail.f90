@@ -16,9 +16,10 @@
 module linkdyn_assembly_trail
     use linkdyn_agreement, only: agreement
     use linkdyn_constants, only: golden, least_accuracy
-    use linkdyn_dead_end, only: dead_end, is_end
+    use linkdyn_dead_end, only: dead_ends, is_end
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
@@ -75,6 +76,7 @@ module linkdyn_assembly_trail
         logical :: has_begun = .false.
         logical :: is_needed = .false.              !! the assembly may change
         logical :: is_lost = .false.                !! the last samples could not be reached
+        logical :: stays = .false.                  !! what no way leads to is left: it does not begin anew from the scene's start
         integer :: n_crossed = 0                    !! change points passed up to the last sample that was
         real(wp), allocatable :: q(:)               !! of the last sample that was (n_q)
         real(wp), allocatable :: branch(:)          !! (n_branch)
@@ -82,8 +84,8 @@ module linkdyn_assembly_trail
         type(kinematic_state) :: state
         type(stride_type) :: stride                 !! scratch
         ! ---- ends of the assembly, while it is lost
-        type(dead_end) :: beyond_last               !! on ways from the last sample that could be reached
-        type(dead_end) :: beyond_start              !! on ways from the scene's start, for groups
+        type(dead_ends) :: beyond_last              !! on ways from the last sample that could be reached
+        type(dead_ends) :: beyond_start             !! on ways from the scene's start, for groups
         integer :: n_way = 0                        !! ways gone in search of samples, so far
     end type assembly_trail
 
@@ -216,6 +218,10 @@ contains
         longest = longest_stride(model)
         stride = longest
         do while (n_done < size(q, 2))
+            if (is_interrupted()) then
+                call leave_rest(model, trail, n_done, assembly)
+                exit
+            end if
             if (trail%is_lost) then
                 call search_on(model, q, trail, assembly, n_done)
                 cycle
@@ -232,6 +238,24 @@ contains
         end do
         nullify (trail%state%group%closer)
     end subroutine follow_assembly
+
+    !> Nobody goes on to the samples that are left.
+    subroutine leave_rest(model, trail, n_done, assembly)
+        type(model_type), intent(in) :: model
+        type(assembly_trail), intent(in) :: trail
+        integer, intent(in) :: n_done                !! samples dealt with
+        type(sample_assembly), intent(inout) :: assembly
+        integer :: i
+
+        assembly%status(n_done + 1:) = sample_not_converged
+        do i = n_done + 1, size(assembly%status)
+            assembly%branch(:, i) = trail%branch
+            if (size(model%group) == 0) cycle
+            assembly%q(:, i) = trail%q
+            assembly%place(:, :, i) = trail%place
+            assembly%margin(:, i) = 0
+        end do
+    end subroutine leave_rest
 
     !> Samples of a stride: what is found of them stays in the cache.
     pure integer function longest_stride(model)
@@ -252,7 +276,7 @@ contains
         type(assembly_trail), intent(inout) :: trail
 
         trail%is_lost = .false.
-        trail%beyond_last = dead_end()
+        call trail%beyond_last%forget()
         trail%q = q
         if (model%n_branch > 0) trail%branch = trail%state%branch(lane, :)
         if (size(model%group) > 0) trail%place = trail%state%group%place(lane, :, :)
@@ -570,11 +594,12 @@ contains
         on_its_own%group%closer => trail%state%group%closer
         on_its_own%q = trail%state%q
         call search_from_last(model, trail, report)
-        call search_from_start(model, trail, on_its_own)
+        if (.not. trail%stays) call search_from_start(model, trail, on_its_own)
         do lane = 1, n
             n_done = n_done + 1
             call take_outcome(model, lane, report, n_done, q(:, n_done), trail, assembly)
             if (assembly%status(n_done) == sample_ok) return
+            if (trail%stays) cycle
             if (assembly%status(n_done) == sample_branch_lost .or. on_its_own%unreachable(lane) &
                 .or. on_its_own%not_converged(lane) .or. on_its_own%singular(lane) .or. on_its_own%branch_lost(lane)) cycle
             assembly%status(n_done) = sample_ok
@@ -592,18 +617,20 @@ contains
         type(assembly_trail), intent(inout) :: trail
         type(way_report), intent(out) :: report
         real(wp) :: way(lanes, model%n_q)
+        integer :: before(lanes)                     ! the known end through which a way leads; 0: none
         logical :: goes(lanes)
         integer :: lane
 
         way = trail%state%q - spread(trail%q, 1, lanes)
         do lane = 1, lanes
-            goes(lane) = .not. is_beyond(model, trail%beyond_last, way(lane, :), trail%state%q(lane, :))
+            before(lane) = end_before(model, trail%beyond_last, way(lane, :), trail%state%q(lane, :))
         end do
+        goes = before == 0
         trail%n_way = trail%n_way + count(goes)
         if (any(goes)) call lead_mechanism(model, goes, spread(trail%q, 1, lanes), .true., trail%state, report)
         do lane = 1, lanes
             if (goes(lane)) cycle
-            associate (known => trail%beyond_last)
+            associate (known => trail%beyond_last%kept(before(lane)))
                 report%outcome(lane) = known%outcome
                 report%n_crossed(lane) = known%n_crossed
                 if (model%n_branch > 0) trail%state%branch(lane, :) = known%branch
@@ -624,7 +651,7 @@ contains
         type(kinematic_state), intent(inout) :: state
         type(way_report) :: report
         real(wp) :: way(lanes, model%n_q)
-        integer :: lane
+        integer :: lane, before
 
         if (size(model%group) == 0) then
             call evaluate_kinematics(model, state)
@@ -632,8 +659,8 @@ contains
         end if
         way = state%q - nearest_start(model, state)
         do lane = 1, lanes
-            if (is_beyond(model, trail%beyond_start, way(lane, :), state%q(lane, :))) &
-                state%way_status(lane) = status_of_way(trail%beyond_start%outcome)
+            before = end_before(model, trail%beyond_start, way(lane, :), state%q(lane, :))
+            if (before > 0) state%way_status(lane) = status_of_way(trail%beyond_start%kept(before)%outcome)
         end do
         trail%n_way = trail%n_way + count(state%way_status == sample_ok)
         call evaluate_kinematics(model, state, report)
@@ -642,15 +669,15 @@ contains
         end do
     end subroutine search_from_start
 
-    !> Does a way lead through the end of another one from the same place? It has to be one that would be gone.
-    pure logical function is_beyond(model, known, way, q)
+    !> The end of another way from the same place through which a way leads, if it is one that would be gone; 0: none that is known.
+    pure integer function end_before(model, known, way, q) result(before)
         type(model_type), intent(in) :: model
-        type(dead_end), intent(in) :: known
+        type(dead_ends), intent(in) :: known
         real(wp), intent(in) :: way(:), q(:)         !! q: to which it leads (n_q)
 
-        is_beyond = known%lies_before(way, abs(q) + abs(q - way), model%stride)
-        if (is_beyond) is_beyond = is_way_short(model, way)
-    end function is_beyond
+        before = 0
+        if (is_way_short(model, way)) before = known%that_lies_before(way, abs(q) + abs(q - way), model%stride)
+    end function end_before
 
     !> Remember the end of a way, if it has come to one.
     pure subroutine note_end(model, lane, report, way, state, known)
@@ -658,14 +685,17 @@ contains
         integer, intent(in) :: lane
         type(way_report), intent(in) :: report
         real(wp), intent(in) :: way(:)               !! (n_q)
-        type(kinematic_state), intent(in) :: state   !! where it ended
-        type(dead_end), intent(inout) :: known
+        type(kinematic_state), intent(in) :: state   !! where it ended; coordinates are those to which it was to lead
+        type(dead_ends), intent(inout) :: known
 
         if (.not. (is_end(report%outcome(lane)) .and. is_way_short(model, way))) return
-        call known%note(way, report%outcome(lane), report%reached(lane), report%n_crossed(lane))
-        if (model%n_branch > 0) known%branch = state%branch(lane, :)
-        if (size(model%group) == 0) return
-        known%place = state%group%place(lane, :, :)
-        known%margin = state%group%margin(lane, :)
+        call known%note(way, abs(state%q(lane, :)) + abs(state%q(lane, :) - way), model%stride, report%outcome(lane), &
+                        report%reached(lane), report%n_crossed(lane))
+        associate (newest => known%kept(known%newest))
+            if (model%n_branch > 0) newest%branch = state%branch(lane, :)
+            if (size(model%group) == 0) return
+            newest%place = state%group%place(lane, :, :)
+            newest%margin = state%group%margin(lane, :)
+        end associate
     end subroutine note_end
 end module linkdyn_assembly_trail

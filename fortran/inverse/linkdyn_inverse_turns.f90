@@ -4,7 +4,7 @@ submodule (linkdyn_inverse) linkdyn_inverse_turns
     use linkdyn_constants, only: two_pi
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_assembly_trail, only: begin_trail, reached_anew
-    use linkdyn_status, only: sample_ok
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost
     use linkdyn_turns, only: turning_angles, list_turning, count_sample, turn_at_mean_rates, keeps_turns, size_of_step, &
         largest_step
     implicit none (type, external)
@@ -53,7 +53,7 @@ contains
                     call turn_at_mean_rates(angles, turns%q, q(:, i), turns%qd, qd(:, i), turns%rate, rate(:, i), &
                                             turns%before, variable(:, i), about, is_sure)
                 end if
-                if (.not. is_sure) call look_closer(i)
+                if (.not. (is_sure .or. is_interrupted())) call look_closer(i)
             end if
             if (last > 0) then
                 about = variable(:, last) + about
@@ -144,33 +144,53 @@ contains
 
     !> How far angles turn on the straight way from the last sample, in pieces as short as need be. Where no pieces tell, 0: what is
     !> nearest is taken.
+    !>
+    !> If some pieces do not tell, the next ones are as short as the fastest angle of these asks for. Work is bounded: by the number
+    !> of pieces, by the patience with one way (a way that ends is not gone in pieces again and again), and, after many looks in
+    !> vain, as along a motion that rushes through everything, by looking closely at a few samples only until one tells.
     subroutine turn_on_way(model, solver, angles, from, to, turned)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(turning_angles), intent(in) :: angles
-        type(turn_count), intent(in) :: from
+        type(turn_count), intent(inout) :: from
         real(wp), intent(in) :: to(:)                      !! (n_q)
         real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
         integer, parameter :: most = 4096                  !! pieces: in a quarter turn one of these turns an angle by less than a
                                                            !! quarter turn wherever rates of 4000 are not exceeded
-        real(wp) :: n_piece
-        logical :: is_sure
-        integer :: n
+        integer, parameter :: few = 64                     !! pieces of a look that is expected to be in vain
+        integer, parameter :: many = 16                    !! looks in vain, after which one in so many is a close one
+        integer, parameter :: finer = 16                   !! times as many pieces, where the way was too long for those before
+        real(wp) :: n_piece, n_told
+        logical :: is_sure, has_ended, ended_before
+        integer :: n, longest
 
         turned = 0
+        longest = most
+        if (from%n_in_vain >= many .and. modulo(from%n_in_vain, many) > 0) longest = few
+        from%n_in_vain = from%n_in_vain + 1
         n_piece = 2*size_of_step(angles, to - from%q)/largest_step
-        if (.not. n_piece <= most) return              ! a way so long, or to no place at all
+        if (.not. n_piece <= longest) return           ! a way so long, or to no place at all
         n = 2*ceiling(n_piece/2)
+        has_ended = .false.
         do
-            call turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure)
-            if (is_sure .or. 2*n > most .or. is_interrupted()) exit
-            n = 2*n
+            ended_before = has_ended
+            from%n_piece = from%n_piece + n
+            call turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure, has_ended, n_told)
+            if (is_sure .or. 2*n > longest .or. (has_ended .and. ended_before) .or. is_interrupted()) exit
+            if (.not. n_told > 0) n_told = real(finer, wp)*n
+            n = 2*ceiling(min(max(2.0_wp*n, n_told), real(longest, wp))/2)
         end do
-        if (.not. is_sure) turned = 0
+        if (is_sure) then
+            from%n_in_vain = 0
+        else
+            turned = 0
+        end if
     end subroutine turn_on_way
 
-    !> The same in so many pieces. Places in between at which the motion is not known are left out.
-    subroutine turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure)
+    !> The same in so many pieces. Places in between at which the motion is not known are left out. Where pieces do not tell: whether
+    !> the way ends, and how many pieces turn no angle by more than a quarter turn each, by the rates where it has been (0: it is
+    !> too long a way to get to its end in so few pieces).
+    subroutine turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure, has_ended, n_told)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(turning_angles), intent(in) :: angles
@@ -178,13 +198,15 @@ contains
         real(wp), intent(in) :: to(:)                      !! (n_q)
         integer, intent(in) :: n
         real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
-        logical, intent(out) :: is_sure
+        logical, intent(out) :: is_sure, has_ended
+        real(wp), intent(out) :: n_told
         real(wp), dimension(model%n_q, 0:n) :: q, qd, qdd
         real(wp), dimension(model%n_variable, 0:n), target :: variable, rate
         integer, target :: status(0:n)
         real(wp) :: load(6, model%n_load, 0:n), piece(size(turned))
         type(inverse_results) :: results
         type(assembly_trail) :: trail
+        logical :: is_piece_sure
         integer :: i, last
 
         do i = 0, n
@@ -205,17 +227,22 @@ contains
                 trail%q = from%set_out
                 trail%place = from%place
             end if
+            trail%stays = .true.
         end if
         call run_prepared(model, solver, 1, q, qd, qdd, load, results, trail=trail)
         turned = 0
+        n_told = 0
         last = 0
+        has_ended = any(status(n) == [sample_unreachable, sample_branch_lost])
         is_sure = all(status([0, n]) == sample_ok)
+        if (.not. is_sure) return
         do i = 1, n
-            if (.not. is_sure) return
             if (status(i) /= sample_ok) cycle
             call turn_at_mean_rates(angles, q(:, last), q(:, i), qd(:, last), qd(:, i), rate(:, last), rate(:, i), &
-                                    variable(:, last), variable(:, i), piece, is_sure)
+                                    variable(:, last), variable(:, i), piece, is_piece_sure)
+            is_sure = is_sure .and. is_piece_sure
             turned = turned + piece
+            n_told = max(n_told, n*maxval(abs(piece))/largest_step)
             last = i
         end do
     end subroutine turn_in_pieces

@@ -21,6 +21,7 @@ contains
         type(unit_test), allocatable, intent(out) :: tests(:)
 
         tests = [new_test("groups driven beyond their reach and back", test_groups), &
+                 new_test("samples beyond both ends of what can be reached", test_both_sides), &
                  new_test("a wheel that no way is patient enough for", test_patience)]
     end subroutine collect_dead_ends
 
@@ -66,6 +67,29 @@ contains
             end do
         end do
     end subroutine test_groups
+
+    !> A stroke that is asked for far beyond what the cylinder has, and far below, by turns: both ends are remembered.
+    subroutine test_both_sides(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 1000
+        real(wp), parameter :: reach = 1.5_wp           ! [m]
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(assembly_trail) :: trail
+        type(sample_assembly) :: assembly
+        real(wp) :: q(1, n)
+        integer :: sample
+
+        call read_scene("tests/scenes/scissor_by_stroke.toml", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status, closed_forms=.false.)
+        call check(error, status%is_ok(), trim(status%message))
+        if (allocated(error%message)) return
+        q(1, :) = model%start_q(1) + reach*[((-1)**sample*(1 + 0.1_wp*sample/n), sample=1, n)]
+        call follow_assembly(model, q, trail, assembly)
+        call check(error, all(assembly%status /= sample_ok), "no sample is reached")
+        call check(error, trail%n_way <= 3*lanes, to_text(trail%n_way)//" ways")
+    end subroutine test_both_sides
 
     !> A crank whose wheel turns another one 3e10 times as fast: no way gets anywhere, and few are gone for nothing.
     subroutine test_patience(error)
