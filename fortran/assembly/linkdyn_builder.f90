@@ -18,8 +18,7 @@ module linkdyn_builder
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
     use linkdyn_model, only: model_type, take_motors, link_type, joint_type, leg_type, step_type, by_nothing, by_markers, by_fit, &
-        step_ups, step_csp, step_hung, step_group, is_dyad, is_rod_leg, is_length, is_screw, scene_size, &
-        stride_part, orientation_of
+        step_ups, step_csp, step_hung, step_group, is_dyad, is_rod_leg, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
@@ -33,6 +32,7 @@ module linkdyn_builder
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: mat3_lane
     use linkdyn_spread_starts, only: spread_starts
+    use linkdyn_strides, only: choose_strides
     implicit none (type, external)
     private
     public :: build_model
@@ -400,19 +400,6 @@ contains
             end associate
         end do
     end subroutine refuse_idle_branches
-
-    !> A tenth of a radian, or of the mechanism's size; of a screw as many radians as take the nut so far.
-    subroutine choose_strides(model)
-        type(model_type), intent(inout) :: model
-        integer :: k
-
-        allocate (model%stride(model%n_q))
-        do k = 1, model%n_q
-            model%stride(k) = stride_part*merge(scene_size(model), 1.0_wp, is_length(model, k))
-            if (is_screw(model, k)) &
-                model%stride(k) = stride_part*scene_size(model)/abs(model%joint(model%scene%coordinate(k)%joint)%pitch)
-        end do
-    end subroutine choose_strides
 
     subroutine take_link(spec, link)
         type(link_spec), intent(in) :: spec

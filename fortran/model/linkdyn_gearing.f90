@@ -20,7 +20,7 @@ module linkdyn_gearing
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart, find_redundant_gears, lead_by_loose, &
+    public :: is_on_axis, lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart, find_redundant_gears, lead_by_loose, &
         forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
