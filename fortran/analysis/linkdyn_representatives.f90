@@ -14,7 +14,7 @@ module linkdyn_representatives
         free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, gives_attitude, attitude_angles, scene_size
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
     private
@@ -238,17 +238,4 @@ contains
         state%qd = 0
         state%qdd = 0
     end subroutine candidate_poses
-
-    !> A length typical of the scene: the largest distance of a marker from the origin of its link.
-    pure real(wp) function scene_size(model)
-        type(model_type), intent(in) :: model
-        integer :: j, side
-
-        scene_size = 0
-        do j = 1, model%n_joint
-            do side = 1, 2
-                scene_size = max(scene_size, norm2(model%joint(j)%point(:, side)))
-            end do
-        end do
-    end function scene_size
 end module linkdyn_representatives

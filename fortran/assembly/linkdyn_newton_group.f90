@@ -139,11 +139,21 @@ contains
                 do k = 1, 2
                     if (has_arm(step, k)) shortest = min(shortest, arm_length(step, k))
                 end do
-                least(step%first) = untrusted*sqrt(depth(step%link(1))*max(1.0_wp, scene_size(model)/shortest))
+                least(step%first) = untrusted*sqrt(depth(step%link(1))*max(1.0_wp, farthest_marker()/shortest))
             end associate
         end do
 
     contains
+
+        !> The largest coordinate of a joint's marker [m]: on the frame from the world's origin, which is what rounds.
+        pure real(wp) function farthest_marker()
+            integer :: j
+
+            farthest_marker = scene_size(model)
+            do j = 1, model%n_joint
+                farthest_marker = max(farthest_marker, maxval(abs(model%joint(j)%point)))
+            end do
+        end function farthest_marker
 
         !> Does a link of the dyad turn between two hinges, or is it a crank or rod? One that a slide draws out has no length to count on.
         pure logical function has_arm(step, k)

@@ -11,7 +11,7 @@ module linkdyn_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of, step_pose, step_ups
+    use linkdyn_model, only: model_type, orientation_of, scene_size, step_parts, step_pose, step_ups
     use linkdyn_vec2, only: vec2, operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -106,11 +106,11 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: link
 
-        is_posed = any(model%step%kind == step_pose .and. model%step%link(1) == link)
+        is_posed = any((model%step%kind == step_pose .or. model%step%kind == step_parts) .and. model%step%link(1) == link)
     end function is_posed
 
     !> A length to compare turning with moving: the largest distance of a joint from the origin of a link whose pose is
-    !> given, such as a platform; else of any joint from the origin of any link.
+    !> given, such as a platform; else of any joint from the origin of its link, or the mechanism's size, if that is larger.
     pure real(wp) function typical_length(model) result(length)
         type(model_type), intent(in) :: model
         integer :: j, side, pass
@@ -120,7 +120,7 @@ contains
             do j = 1, model%n_joint
                 do side = 1, 2
                     associate (link => model%joint(j)%link(side))
-                        if (pass == 1 .and. link == 0) cycle
+                        if (link == 0) cycle
                         if (pass == 1) then
                             if (.not. is_posed(model, link)) cycle
                         end if
@@ -128,9 +128,9 @@ contains
                     length = max(length, norm2(model%joint(j)%point(:, side)))
                 end do
             end do
-            if (length > 0) return
+            if (pass == 1 .and. length > 0) return
         end do
-        length = 1
+        length = max(length, scene_size(model))
     end function typical_length
 
     !> Jacobian, and the driving forces of the six unit wrenches. Rows of a singular lane are NaN.

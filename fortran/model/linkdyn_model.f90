@@ -1,8 +1,9 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_breadth, only: breadth
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type
-    use linkdyn_joint_table, only: is_slide, is_threaded, wraps
+    use linkdyn_joint_table, only: is_pose_part, is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
     use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, &
@@ -601,38 +602,46 @@ contains
         end do
     end function leads_within
 
-    !> A length typical of the mechanism [m]; where all joints are at the origins of their links, as in a spherical linkage
-    !> drawn from its centre, there is none, and any does.
+    !> A length typical of the mechanism [m], wherever in the world it is drawn; where all joints are at the origins of their links,
+    !> as in a spherical linkage drawn from its centre, there is none, and any does.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
-        integer :: j
 
-        scene_size = 0
-        do j = 1, model%n_joint
-            scene_size = max(scene_size, reach_of(model%joint(j)))
-        end do
-        if (scene_size < nothing) scene_size = 1
+        scene_size = size_of(model%joint(:model%n_joint))
     end function scene_size
 
     !> Likewise of the joints of a group: what is far from them, a tool at the end of a boom, says nothing of it.
     pure real(wp) function group_size(model, group)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
-        integer :: i
 
-        group_size = 0
-        do i = 1, size(group%joint)
-            group_size = max(group_size, reach_of(model%joint(group%joint(i))))
-        end do
-        if (group_size < nothing) group_size = 1
+        group_size = size_of(model%joint(group%joint))
     end function group_size
 
-    !> The largest coordinate of a joint's markers, or what its curve reaches [m].
-    pure real(wp) function reach_of(joint)
-        type(joint_type), intent(in) :: joint
+    !> The largest coordinate of joints' markers in their links' axes, how broad the frame is between them, or what their curves reach
+    !> [m]. Where the frame's origin is says nothing.
+    pure real(wp) function size_of(joint)
+        type(joint_type), intent(in) :: joint(:)
+        logical :: is_held(size(joint))               ! by the frame
+        integer, allocatable :: held(:)
+        integer :: j, side
 
-        reach_of = max(maxval(abs(joint%point)), joint%reach)
-    end function reach_of
+        size_of = 0
+        is_held = .false.
+        do j = 1, size(joint)
+            size_of = max(size_of, joint(j)%reach)
+            do side = 1, 2
+                if (joint(j)%link(side) > 0) size_of = max(size_of, maxval(abs(joint(j)%point(:, side))))
+            end do
+            is_held(j) = any(joint(j)%link == 0) .and. .not. is_pose_part(joint(j)%kind)
+        end do
+        if (count(is_held) > 1) then
+            held = pack([(j, j=1, size(joint))], is_held)
+            size_of = max(size_of, breadth(reshape([(joint(held(j))%point(:, findloc(joint(held(j))%link, 0, dim=1)), &
+                                                     j=1, size(held))], [3, size(held)])))
+        end if
+        if (size_of < nothing) size_of = 1
+    end function size_of
 
     !> Does a step turn its link by three angles that are coordinates?
     pure logical function gives_attitude(model, step)

@@ -202,8 +202,9 @@ class Statics:
 
     def least_squares(self) -> Array:
         """The least sum of squares of forces, and of moments over the mechanism's size. Drives are determined."""
-        markers = [marker for part in (self.scene["frame"], *self.scene["link"]) for marker in part["markers"].values()]
-        size = max(abs(x) for marker in markers for x in marker["at"])
+        size = max(abs(x) for link in self.scene["link"] for marker in link["markers"].values() for x in marker["at"])
+        held = [np.array(marker["at"]) for marker in self.scene["frame"]["markers"].values()]
+        size = max(size, *(np.linalg.norm(a - b) / 2 for a in held for b in held))
         scale = np.array([size if sort == "moment" else 1.0 for sort in self.sort])
         return scale * np.linalg.lstsq(self.matrix * scale, self.right, rcond=1e-10)[0]
 
