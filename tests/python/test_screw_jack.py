@@ -84,3 +84,18 @@ def test_against_a_slide(led_by: str, samples: int, in_order: bool) -> None:
         np.testing.assert_allclose(run.joint_variable.sel(variable=joint).values, other.joint_variable.sel(variable=joint).values, rtol=0, atol=1e-11)
     expected = pitch * other.driving_force.values
     np.testing.assert_allclose(run.driving_force.values, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_run_against_a_slide() -> None:
+    """Set in motion by a constant torque, and by the thrust that it gives: the table goes the same way."""
+    screw, slide = jack("B"), jack("slide")
+    thrust = -2400.0
+    screw["actuator"][0]["law"] = {"type": "constant", "value": -PITCH * thrust}
+    slide["actuator"][0]["law"] = {"type": "constant", "value": thrust}
+    t = np.linspace(0, 0.08, 5)
+    run, other = (linkdyn.Scene(one).forward(t=t, rtol=1e-10, atol=1e-12) for one in (screw, slide))
+    np.testing.assert_array_equal(run.status, 0)
+    np.testing.assert_array_equal(other.status, 0)
+    turned = (SPAN - other.q.values[:, 0]) / PITCH
+    assert np.abs(turned).max() > 100
+    np.testing.assert_allclose(run.q.values[:, 0], turned, rtol=0, atol=1e-7 * np.abs(turned).max())
