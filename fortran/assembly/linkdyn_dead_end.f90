@@ -7,7 +7,7 @@ module linkdyn_dead_end
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dead_end, dead_ends, is_end
+    public :: dead_ends, is_end
 
     integer, parameter :: n_kept = 4
 
