@@ -31,6 +31,7 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_programs, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_lossy_motors, only: lossy_motors
     use linkdyn_model, only: model_type, drives_share, friction_is_shared
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_released_motion, only: released_joints_stay
@@ -38,7 +39,7 @@ module linkdyn_equations
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: one_of, to_text
-    use linkdyn_transmission_losses, only: lossy_motors, contacts_of_motors, begin_losses, press_losses, apply_losses
+    use linkdyn_transmission_losses, only: contacts_of_motors, begin_losses, press_losses, apply_losses
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
     private

@@ -1,8 +1,8 @@
 !> Friction of a block of lanes: how contacts slide, what presses them, how much they rub. Contacts are those of joints, then drives
 !> that lose some of what they transmit.
 module linkdyn_friction_state
-    use linkdyn_contact, only: contact_type, n_press, n_part, sliding_coefficient, pressing
-    use linkdyn_friction_law, only: friction_of_speed
+    use linkdyn_contact, only: contact_type, n_press, n_part, pressing
+    use linkdyn_friction_law, only: friction_of_speed, friction_one_way
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: driven_type
@@ -53,10 +53,8 @@ contains
             do lane = 1, lanes
                 associate (sense => maxval(abs(friction%sense(lane, :, i))), factor => friction%factor(lane, i))
                     speed = sqrt(max(square(lane, i), 0.0_wp))
-                    if (sense > 1.5_wp) then
-                        factor = 0
-                    else if (sense > 0) then
-                        factor = sliding_coefficient(contact(i), speed)/speed
+                    if (sense > 0) then
+                        factor = friction_one_way(contact(i), sense, speed)
                     else
                         factor = friction_of_speed(contact(i), speed)
                     end if

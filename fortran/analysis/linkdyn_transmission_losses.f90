@@ -12,30 +12,13 @@ module linkdyn_transmission_losses
     use linkdyn_friction_state, only: friction_state
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: side_joint
     implicit none (type, external)
     private
-    public :: lossy_motors, contacts_of_motors, begin_losses, press_losses, apply_losses
+    public :: contacts_of_motors, begin_losses, press_losses, apply_losses
 
 contains
 
-    !> Motors whose torque is given and whose transmission loses some of it.
-    pure function lossy_motors(model, is_given) result(lossy)
-        type(model_type), intent(in) :: model
-        logical, intent(in) :: is_given(:)             !! forces of actuators (n_actuator)
-        integer, allocatable :: lossy(:)
-        integer :: i
-
-        allocate (lossy(0))
-        do i = 1, size(model%motor)
-            associate (spec => model%scene%actuator(model%motor(i)%actuator))
-                if (spec%law%side == side_joint .or. .not. is_given(model%motor(i)%actuator)) cycle
-                if (spec%motor%efficiency < 1 .or. spec%motor%back_efficiency < 1) lossy = [lossy, i]
-            end associate
-        end do
-    end function lossy_motors
-
-    !> Their transmissions as contacts.
+    !> Transmissions of motors as contacts.
     pure function contacts_of_motors(model, lossy) result(contact)
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)

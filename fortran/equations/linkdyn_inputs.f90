@@ -131,9 +131,16 @@ contains
         call add(in_clutch, [(request%motion_is_given, k=1, n_clutch(model%scene))])
         call add(in_shared, [(request%motion_is_given .and. request%has_friction .and. friction_is_shared(model), &
                               k=1, 6*model%n_joint)])
-        call add(in_sense, [((request%motion_is_given .and. may_stick(model, k, i), i=1, n_part), k=1, size(model%contact))])
+        call add(in_sense, [((knows_senses() .and. may_stick(model, k, i), i=1, n_part), k=1, size(model%contact))])
 
     contains
+
+        !> Is it known which way joints slide that may stick? Runs know it; where motion comes from elsewhere it may be told.
+        logical function knows_senses()
+            integer :: k
+
+            knows_senses = request%motion_is_given .or. any([(is_unknown(k), k=1, model%n_q)])
+        end function knows_senses
 
         logical function is_unknown(k)
             integer, intent(in) :: k

@@ -17,7 +17,7 @@ module linkdyn_clutch_friction
     use linkdyn_slip_parts, only: slip_levers
     implicit none (type, external)
     private
-    public :: rub_clutches, has_sticking, measure_grip, reserve, carried_load
+    public :: rub_clutches, tell_contacts, has_sticking, measure_grip, reserve, carried_load
 
 contains
 
@@ -32,10 +32,10 @@ contains
 
         associate (state => workspace%state, of => clutches)
             of%rub = 0
+            call tell_contacts(model, of%sense, workspace%friction%sense)
             if (any(of%is_closed) .and. any(model%scene%clutch%capacity%kind == law_over)) call find_laws(model, state)
             do i = 1, size(of%rub, 2)
                 associate (clutch => model%scene%clutch(i))
-                    if (clutch%friction > 0) call let_contacts_slide(model, i, of%sense, workspace)
                     if (clutch%is_positive .or. clutch%friction > 0 .or. .not. any(of%is_closed(:, i))) cycle
                     if (clutch%capacity%kind == law_over) then
                         of%capacity(:, i) = state%law(:, clutch%capacity%law) &
@@ -54,24 +54,26 @@ contains
     end subroutine rub_clutches
 
     !> Joints that may stick rub by their reactions, the way they slip.
-    subroutine let_contacts_slide(model, i, sense, workspace)
+    subroutine tell_contacts(model, sense, of_contacts)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: i                       !! clutch
         real(wp), intent(in) :: sense(:, :)            !! of all slips (lane, n_clutch)
-        type(equation_workspace), intent(inout) :: workspace
+        real(wp), intent(inout) :: of_contacts(:, :, :)    !! see `friction_state` (lane, n_part, contact)
         real(wp) :: at_rest
-        integer :: k
+        integer :: i, k
 
-        associate (clutch => model%scene%clutch(i))
-            at_rest = merge(2.0_wp, 0.0_wp, clutch%lead == i)
-            do k = 1, size(model%contact)
-                associate (contact => model%contact(k))
-                    if (holds_contact(clutch, contact)) workspace%friction%sense(:, part_of(contact, clutch), k) = &
-                        merge(sense(:, i), at_rest, slips_some_way(model%scene, i, sense))
-                end associate
-            end do
-        end associate
-    end subroutine let_contacts_slide
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i))
+                if (clutch%friction == 0) cycle
+                at_rest = merge(2.0_wp, 0.0_wp, clutch%lead == i)
+                do k = 1, size(model%contact)
+                    associate (contact => model%contact(k))
+                        if (holds_contact(clutch, contact)) of_contacts(:, part_of(contact, clutch), k) = &
+                            merge(sense(:, i), at_rest, slips_some_way(model%scene, i, sense))
+                    end associate
+                end do
+            end associate
+        end do
+    end subroutine tell_contacts
 
     !> Has a clutch a slip, or one that goes with it?
     pure function slips_some_way(scene, i, sense) result(slips)

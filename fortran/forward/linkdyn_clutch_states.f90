@@ -12,7 +12,8 @@ module linkdyn_clutch_states
     use linkdyn_slip_parts, only: find_way_loose, solve_together
     implicit none (type, external)
     private
-    public :: clutch_states, prepare_clutches, holds_anywhere, is_clutched, switch_clutches, set_guard, share_load, response_beside
+    public :: clutch_states, prepare_clutches, holds_anywhere, is_clutched, only_slides, switch_clutches, set_guard, share_load, &
+        response_beside
     public :: state_open, state_slips, state_holds
 
     integer, parameter :: state_open = 0, state_slips = 1, state_holds = 2
@@ -68,6 +69,19 @@ contains
         is_clutched = .false.
         if (allocated(states%is_closed)) is_clutched = any(states%is_closed)
     end function is_clutched
+
+    !> Is nothing closed but joints that may stick, and does none of them?
+    pure logical function only_slides(scene, states)
+        type(scene_type), intent(in) :: scene
+        type(clutch_states), intent(in) :: states
+        integer :: i
+
+        only_slides = .not. holds_anywhere(states)
+        if (.not. allocated(states%is_closed)) return
+        do i = 1, n_clutch(scene)
+            if (scene%clutch(i)%friction == 0) only_slides = only_slides .and. .not. any(states%is_closed(:, i))
+        end do
+    end function only_slides
 
     !> An event opens or closes the clutches that wait for it.
     subroutine switch_clutches(scene, lane, event, t, states, is_closed)

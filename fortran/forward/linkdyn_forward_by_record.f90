@@ -2,13 +2,15 @@
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_carried_assembly, only: stand_there
+    use linkdyn_clutch_friction, only: tell_contacts
     use linkdyn_constants, only: least_accuracy
+    use linkdyn_contact, only: n_part
     use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, place_still, &
         close_states, run_states, carry_states, take_rates, place_touches, leave_doubtful, leave_far, keep_stages, &
-        apply_record_laws
+        apply_record_laws, run_losing
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
     use linkdyn_led_mechanism, only: measure_margins
@@ -137,6 +139,7 @@ contains
             call self%find_given_forces(t(:n), self%record%given_force, is_left)
             call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
+            if (has_sticking(self%model)) call place_senses(self, n)
             samples%is_left(:n) = samples%is_left(:n) .or. is_left(:n)
             call close_states(self%model, self%assembly, n, self%record)
             changes_efforts = self%has_motor_laws .or. self%has_cylinders .or. self%control%state%n > 0
@@ -146,7 +149,11 @@ contains
                 call drive_record_by_cylinders(self%model, self%layout, n, y, self%record, self%cylinders)
             if (self%has_motor_laws) &
                 call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
-            call run_states(n, self%record, y, laws_are_there=changes_efforts)
+            if (size(self%equations%lossy) > 0) then
+                call run_losing(self%model, self%equations%lossy, n, self%record)
+            else
+                call run_states(n, self%record, y, laws_are_there=changes_efforts)
+            end if
             if (self%assembly%is_needed) then
                 call leave_doubtful(self%model, self%assembly, n, t, self%record)
                 call leave_far(self%model, self%layout, self%assembly, n, y, samples%is_left)
@@ -155,6 +162,17 @@ contains
             is_left(:n) = samples%is_left(:n)
         end associate
     end subroutine run_moving
+
+    !> Which way joints slide that may stick.
+    subroutine place_senses(self, n)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp) :: sense(lanes, n_part, size(self%model%contact))
+
+        sense = 0
+        call tell_contacts(self%model, self%clutch%sense, sense)
+        self%record%samples%sense(:, :n) = transpose(reshape(sense(:n, :, :), [n, n_part*size(sense, 3)]))
+    end subroutine place_senses
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.

@@ -2,7 +2,7 @@
 !> (`linkdyn_clutch_states` has the rule).
 submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_clutch_friction, only: carried_load
-    use linkdyn_clutch_states, only: share_load, response_beside, set_guard
+    use linkdyn_clutch_states, only: is_clutched, share_load, response_beside, set_guard
     use linkdyn_contact_forces, only: solve_contacts
     use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip
     use linkdyn_followed_angles, only: angles_about

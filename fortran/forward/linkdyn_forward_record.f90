@@ -5,7 +5,6 @@ module linkdyn_forward_record
     use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, note_far
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
-    use linkdyn_contact, only: contact_type
     use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice
@@ -26,7 +25,7 @@ module linkdyn_forward_record
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws, take_measures
-    use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
+    use linkdyn_recorded_motors, only: settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
     use linkdyn_scene_program, only: input_wiring, wire_inputs
@@ -38,7 +37,7 @@ module linkdyn_forward_record
     public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, use_forward_rates, &
         free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
-        leave_doubtful, leave_far, keep_stages, apply_record_laws, measure_states, settle_record_losses, &
+        leave_doubtful, leave_far, keep_stages, apply_record_laws, measure_states, run_losing, &
         is_led_there, accept_recorded
 
     !> The record that a run uses, and its samples of it.
@@ -66,12 +65,11 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way; motors that laws are about must drive coordinates.
-    pure logical function can_be_recorded(model, layout)
-        type(model_type), intent(in) :: model
+    !> May the scene have a record? Attitudes must come all in the same way.
+    pure logical function can_be_recorded(layout)
         type(state_layout), intent(in) :: layout
 
-        can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) .and. motors_can_be_recorded(model)
+        can_be_recorded = all(layout%quaternion > 0) .or. all(layout%quaternion == 0)
     end function can_be_recorded
 
     !> Evaluations on lanes that take about as long as the making of a record: whoever makes fewer has none.
@@ -104,7 +102,7 @@ contains
         type(look_choice), intent(in), optional :: choice      !! what steps are judged by; absent: nobody looks
         type(trace_request) :: request
 
-        if (.not. can_be_recorded(model, layout)) return
+        if (.not. can_be_recorded(layout)) return
         call need_poses(model, spread(model%start_q, 2, 1), poses)
         request%by_quaternion = any(layout%quaternion > 0)
         allocate (request%has_load(6, model%n_load))
@@ -654,16 +652,15 @@ contains
         end do
     end subroutine measure_states
 
-    !> What transmissions lose is taken off the driving forces.
-    subroutine settle_record_losses(model, lossy, contact, n, record)
+    !> Run the first n states, whose laws are there, with what transmissions lose taken off; ask `samples%is_left` which do not count.
+    subroutine run_losing(model, lossy, n, record)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: lossy(:)
-        type(contact_type), intent(in) :: contact(:)
+        integer, intent(in) :: lossy(:)                !! motors
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
 
-        if (size(lossy) > 0) call settle_losses(model, lossy, contact, record%recorded, n, record%samples)
-    end subroutine settle_record_losses
+        call settle_losses(model, lossy, record%recorded, n, record%samples)
+    end subroutine run_losing
 
     !> Run the first n states; ask `samples%is_left` which do not count.
     subroutine run_states(n, record, y, laws_are_there)

@@ -16,7 +16,7 @@ module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly, &
         longest_way
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
-    use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, is_clutched
+    use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, only_slides
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
     use linkdyn_controllers, only: controllers_type, begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
@@ -753,13 +753,14 @@ contains
         end do
     end subroutine evaluate_rest
 
-    !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold.
+    !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold, but how joints
+    !> slide that may stick.
     logical function has_record_now(self, t) result(has_one)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
 
         has_one = .false.
-        if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
+        if (rests_anywhere(self%stops) .or. .not. only_slides(self%model%scene, self%clutch)) return
         ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
         if (self%n_accepted*self%evaluations_a_step < self%n_before_record) return
         if (self%may_record .and. .not. associated(self%record%recorded)) call self%make_record(t)

@@ -1,7 +1,7 @@
 !> Motors in a run: what brakes take of their torques, and how currents in their windings change.
 module linkdyn_motor_states
     use linkdyn_equations, only: equations_type, equation_workspace
-    use linkdyn_forward_record, only: forward_record, settle_record_losses
+    use linkdyn_forward_record, only: forward_record
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
@@ -68,7 +68,7 @@ contains
         workspace%motor_force = workspace%driving_force
     end subroutine drive_by_motors
 
-    !> The same in a record's samples, whose states are placed; what is lost is taken off.
+    !> The same in a record's samples, whose states are placed.
     subroutine drive_record_by_motors(model, equations, layout, n, t, y, record, motors)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
@@ -95,9 +95,6 @@ contains
                 end do
             end associate
         end do
-        associate (lossy => equations%lossy, rub => equations%rub)
-            call settle_record_losses(model, lossy, rub(size(rub) - size(lossy) + 1:), n, record)
-        end associate
     end subroutine drive_record_by_motors
 
     !> Torque of a motor by its law; by its current, whose rate is found on the way, if the winding has an inductance.

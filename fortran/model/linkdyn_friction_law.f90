@@ -5,7 +5,7 @@ module linkdyn_friction_law
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: friction_of_speed, friction_of_speeds
+    public :: friction_of_speed, friction_of_speeds, friction_one_way
 
 contains
 
@@ -18,6 +18,17 @@ contains
         call friction_of_speeds(contact, 1, [speed], one)
         c = one(1)
     end function friction_of_speed
+
+    !> The same of a contact that may stick and is known to slide one way: it rubs as a surface does that slides, however slowly; one that
+    !> holds does not rub.
+    pure elemental real(wp) function friction_one_way(contact, sense, speed) result(c)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: sense         !! largest part of its direction, above zero; beyond 1: it holds
+        real(wp), intent(in) :: speed         !! [m/s]
+
+        c = 0
+        if (sense <= 1.5_wp) c = sliding_coefficient(contact, speed)/speed
+    end function friction_one_way
 
     !> The same for one contact at many speeds.
     pure subroutine friction_of_speeds(contact, n, speed, c)

@@ -3,41 +3,43 @@
 module linkdyn_rate_program
     use linkdyn_attitude, only: quaternion_rates
     use linkdyn_force_program, only: trace_redundancy
-    use linkdyn_inputs, only: trace_request, sample_set
+    use linkdyn_inputs, only: trace_request, sample_set, in_effort
     use linkdyn_joint_variables, only: variable_rate
     use linkdyn_layout, only: sparse_layout
     use linkdyn_link_wrenches, only: applied_power
+    use linkdyn_lossy_motors, only: lossy_motors
     use linkdyn_margins, only: assembly_margins
     use linkdyn_model, only: model_type, counts_for_another, friction_is_shared, gives_attitude, attitude_angles
     use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
+    use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: record_type, open_record, close_record
-    use linkdyn_scene, only: side_joint
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
         alarm_of, reach_of
-    use linkdyn_value, only: value, zero, operator(+), operator(*)
+    use linkdyn_value, only: value, zero, one, operator(+), operator(*)
     implicit none (type, external)
     private
     public :: rate_outputs, make_rate_program, trace_accelerations, powers, out_rates
 
     integer, parameter :: out_rates = 103      !! all that the program gives, in the order of `rate_outputs`
 
-    !> Where everything stands among the outputs of a sample.
+    !> Where everything stands among the outputs of a sample. What comes first is linear in driving forces, unless something rubs.
     type :: rate_outputs
         integer :: n = 0
         integer :: acceleration = 0            !! of the coordinates (n_q)
-        integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
-        integer :: drift = 0                   !! its rate [1/s] (n_branch)
         integer :: effort = 0                  !! driving forces [N, N m] (n_actuator); 0: they are given
-        integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it; of others zero
-                                               !! [N, N m] (n_actuator)
-        integer :: counted = 0                 !! rates of the angles that coordinates stand in for [rad/s] (n_q, of others zero)
-        integer :: quaternion = 0              !! rates of attitudes that are given so [1/s] (4 n_attitude); 0: by their angles
+        integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it [N, N m] (lossy motor)
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
+        integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
+        integer :: drift = 0                   !! its rate [1/s] (n_branch)
+        integer :: counted = 0                 !! rates of the angles that coordinates stand in for [rad/s] (n_q, of others zero)
+        integer :: quaternion = 0              !! rates of attitudes that are given so [1/s] (4 n_attitude); 0: by their angles
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
         integer :: reach = 0                   !! not above zero: a loop does not close, or hardly
+        integer :: slope = 0                   !! what is linear, with the driving force of each lossy motor (n_linear, lossy motor)
+        integer :: n_linear = 0
     end type rate_outputs
 
 contains
@@ -55,9 +57,9 @@ contains
         type(traced_type) :: traced
         type(output_list) :: list
         type(value), dimension(model%n_branch) :: margin, drift
-        type(value), allocatable :: effort(:)
+        type(value), allocatable :: effort(:), quaternion(:), linear(:)
         type(value) :: power(2)
-        integer :: n_turning
+        integer, allocatable :: lossy(:)       !! actuators
 
         call open_record(record, sample%n)
         call trace_accelerations(model, request, sample, traced)
@@ -67,23 +69,43 @@ contains
             if (wants_power) power = powers(traced)
             allocate (effort(0))
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
-            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, &
-                                              transmitted_forces(traced), counted_rates(traced), attitude_rates(traced), power, &
-                                              alarm_of(traced), reach_of(traced)])
+            lossy = model%motor(lossy_motors(model, .not. request%drive_is_unknown))%actuator
+            linear = [solved(traced%system, traced%acceleration), effort, &
+                      solved(traced%system, traced%unknowns%transmitted(lossy)), power]
+            quaternion = attitude_rates(traced)
+            call add_output(list, out_rates, [linear, margin, drift, counted_rates(traced), quaternion, &
+                                              alarm_of(traced), reach_of(traced), slopes_with(traced, lossy, linear)])
             if (allocated(traced%contact)) then
                 call compile_with_friction(record, traced, list, friction, program)
             else
                 call make_scene_program(record, traced%in, list, program)
             end if
-            out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
-                               effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
-                               work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
-            n_turning = merge(4*model%n_attitude, 0, request%by_quaternion)
-            out%quaternion = merge(out%work - n_turning, 0, n_turning > 0)
-            out%counted = out%work - n_turning - model%n_q
-            out%transmitted = out%counted - model%n_actuator
+            call take_place(model%n_q, out%acceleration)
+            call take_place(size(effort), out%effort)
+            call take_place(size(lossy), out%transmitted)
+            call take_place(1, out%work)
+            call take_place(1, out%supplied)
+            out%n_linear = out%n
+            call take_place(model%n_branch, out%margin)
+            call take_place(model%n_branch, out%drift)
+            call take_place(model%n_q, out%counted)
+            call take_place(size(quaternion), out%quaternion)
+            call take_place(1, out%alarm)
+            call take_place(1, out%reach)
+            call take_place(out%n_linear*size(lossy), out%slope)
         end if
         call close_record(record)
+
+    contains
+
+        !> The next places, of so many numbers; 0 of none.
+        subroutine take_place(n, first)
+            integer, intent(in) :: n
+            integer, intent(out) :: first
+
+            first = merge(out%n + 1, 0, n > 0)
+            out%n = out%n + n
+        end subroutine take_place
     end subroutine make_rate_program
 
     !> Trace motion and equations into the open record, and solve these; ask `mechanism%is_solved` whether pivots have served.
@@ -111,21 +133,23 @@ contains
         if (.not. any(is_last)) is_last = are_among(traced, [traced%unknowns%transmitted, traced%virtual])
     end function are_wanted
 
-    !> What gets to the transmissions of motors that lose some of it; zero of others.
-    function transmitted_forces(traced) result(force)
-        type(traced_type), intent(inout) :: traced
-        type(value) :: force(traced%mechanism%model%n_actuator)
-        integer :: i
+    !> How values change with the driving forces of some actuators, one after the other.
+    function slopes_with(traced, actuator, v) result(slope)
+        type(traced_type), intent(in) :: traced
+        integer, intent(in) :: actuator(:)
+        type(value), intent(in) :: v(:)
+        type(value) :: slope(size(v)*size(actuator))
+        type(rate_map) :: map
+        integer :: j, k
 
-        do i = 1, size(force)
-            force(i) = zero()
-            associate (actuator => traced%mechanism%model%scene%actuator(i))
-                if (actuator%law%side == side_joint) cycle
-                if (min(actuator%motor%efficiency, actuator%motor%back_efficiency) < 1) &
-                    force(i) = solved(traced%system, traced%unknowns%transmitted(i))
-            end associate
+        do j = 1, size(actuator)
+            map = rate_map()
+            call set_rate(map, traced%in%of(in_effort)%v(actuator(j)), one())
+            do k = 1, size(v)
+                slope(size(v)*(j - 1) + k) = rate_of(map, v(k))
+            end do
         end do
-    end function transmitted_forces
+    end function slopes_with
 
     !> Of the angles that coordinates stand in for; zero of others.
     function counted_rates(traced) result(rate)

@@ -4,11 +4,11 @@
 !> contacts slide. The second has what presses for given friction; it is run until nothing changes. The third has the results.
 module linkdyn_recorded_friction
     use linkdyn_block, only: block_lanes
-    use linkdyn_contact, only: contact_type, has_settled, most_rounds
+    use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part
     use linkdyn_force_program, only: trace_forces, list_forces
     use linkdyn_friction, only: pressing_force
-    use linkdyn_friction_law, only: friction_of_speed, friction_of_speeds
-    use linkdyn_inputs, only: trace_request, sample_set, in_friction, in_found
+    use linkdyn_friction_law, only: friction_of_speed, friction_of_speeds, friction_one_way
+    use linkdyn_inputs, only: trace_request, sample_set, in_friction, in_found, in_sense
     use linkdyn_kernel, only: find_boundary
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -145,8 +145,32 @@ contains
         do i = 1, size(programs%contact)
             speed(:count) = sqrt(max(space%factor(:count, i), 0.0_wp))
             call friction_of_speeds(programs%contact(i), count, speed, space%factor(:count, i))
+            if (associated(arrays%of(in_sense)%x)) &
+                call slide_one_way(programs%contact(i), senses(arrays, i, first, count), speed(:count), space%factor(:count, i))
         end do
     end subroutine find_factors
+
+    !> Factors of a contact that may stick, in samples in which it slides one way or holds.
+    pure subroutine slide_one_way(contact, sense, speed, factor)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: sense(:)               !! 0: smooth over its speed (sample)
+        real(wp), intent(in) :: speed(:)               !! (sample) [m/s]
+        real(wp), intent(inout) :: factor(:)           !! (sample) [s/m]
+        integer :: i
+
+        do i = 1, size(factor)
+            if (sense(i) > 0) factor(i) = friction_one_way(contact, sense(i), speed(i))
+        end do
+    end subroutine slide_one_way
+
+    !> The largest part of a contact's direction in each sample of arrays that know it.
+    pure function senses(arrays, contact, first, count) result(sense)
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: contact, first, count
+        real(wp) :: sense(count)
+
+        sense = maxval(abs(arrays%of(in_sense)%x(n_part*(contact - 1) + 1:n_part*contact, first:first + count - 1)), dim=1)
+    end function senses
 
     !> What presses with the friction that there is.
     subroutine find_forces(programs, count, space, force, fails)
@@ -232,8 +256,8 @@ contains
         type(sample_arrays), intent(out) :: settled
         logical, intent(out) :: is_left
         real(wp) :: both(programs%n_found + size(programs%contact)), change, change_before
-        real(wp), dimension(size(programs%contact)) :: factor, force, force_before
-        integer :: n
+        real(wp), dimension(size(programs%contact)) :: speed, factor, force, force_before
+        integer :: n, i
 
         if (.not. allocated(space%found_of_one)) &
             allocate (space%found_of_one(programs%n_found, 1), space%amount_of_one(size(programs%contact), 1))
@@ -243,7 +267,13 @@ contains
         call run_one_sample(programs%before, arrays, space%before_one, both)
         associate (amount => space%amount_of_one(:, 1))
             space%found_of_one(:, 1) = both(:programs%n_found)
-            factor = friction_of_speed(programs%contact, sqrt(max(both(programs%n_found + 1:), 0.0_wp)))
+            speed = sqrt(max(both(programs%n_found + 1:), 0.0_wp))
+            factor = friction_of_speed(programs%contact, speed)
+            if (associated(arrays%of(in_sense)%x)) then
+                do i = 1, size(factor)
+                    call slide_one_way(programs%contact(i), senses(arrays, i, 1, 1), speed(i:i), factor(i:i))
+                end do
+            end if
             amount = 0
             call load_one_sample(programs%press, settled, space%press_one)
             call run_loaded_one(programs%press, space%press_one, force_before)

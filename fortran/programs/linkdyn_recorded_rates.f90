@@ -6,8 +6,9 @@ module linkdyn_recorded_rates
     use linkdyn_base_motion, only: base_size
     use linkdyn_block, only: block_lanes
     use linkdyn_closing_programs, only: closing_programs
+    use linkdyn_contact, only: n_part
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch, in_pull, in_base, in_payload, in_place, in_counted, n_block
+        in_branch, in_pull, in_base, in_payload, in_place, in_counted, in_sense, n_block
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
@@ -54,6 +55,8 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
         real(wp), pointer, contiguous :: counted(:, :) => null()       !! angles that coordinates stand in for (n_q, sample) [rad]
+        real(wp), pointer, contiguous :: sense(:, :) => null()         !! of contacts that may stick: they slide that way, see `in_sense`
+                                                                       !! (n_part n_contact, sample)
         real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on, then how fast motors turn
                                                                        !! their joint variables (measure + actuator, sample)
         integer :: n_measure = 0
@@ -141,6 +144,7 @@ contains
             call add(in_base, base_size(model), samples%base)
             call add(in_payload, size(model%payload), samples%payload)
             call add(in_counted, model%n_q, samples%counted)
+            call add(in_sense, n_part*size(model%contact), samples%sense)
             allocate (samples%law(size(model%scene%laws%law), n), source=0.0_wp)
             samples%n_measure = size(model%scene%laws%measure)
             allocate (samples%measured(samples%n_measure + 2*model%n_actuator, n), samples%turned(samples%n_measure, n), &
@@ -167,8 +171,8 @@ contains
 
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
-                    samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%counted, samples%measured, &
-                    samples%found, samples%seen)
+                    samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%counted, samples%sense, &
+                    samples%measured, samples%found, samples%seen)
         call free_friction_space(samples%friction)
         call free_program_space(samples%one_seen)
         call free_program_space(samples%block_seen)

@@ -13,7 +13,7 @@ module test_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_scene, only: scene_type, effort_constant, effort_spring_damper
+    use linkdyn_scene, only: scene_type, effort_constant, effort_spring_damper, side_torque, n_clutch
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
@@ -54,6 +54,8 @@ contains
                  new_test("change points", test_change_points), &
                  new_test("stages far ahead", test_stages_ahead), &
                  new_test("motors elsewhere", test_motors_elsewhere), new_test("a cylinder", test_cylinder), &
+                 new_test("motors that lose and joints that rub", test_lossy), &
+                 new_test("six motors that lose", test_lossy_legs), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
 
@@ -192,6 +194,7 @@ contains
             if (system%layout%pressure(k) > 0) y(:, system%layout%pressure(k)) = 0.6_wp
         end do
         call system%begin(t(1), y)
+        call system%begin_with_clutches(t(1), y)
         call system%make_record(t(1))
         call check(error, system%may_record, name//": a record was made, and agreed with the lanes")
         if (.not. system%may_record) return
@@ -208,6 +211,8 @@ contains
             do lane = 1, lanes
                 call check_close(error, by_record(lane, :), by_lanes(lane, :), rounding*maxval(abs(by_lanes(lane, :))), &
                                  name//", state "//to_text(lane)//", turns "//to_text(turns))
+                ! alone it is the first lane, whose joints that may stick slide their own way
+                if (lane > 1 .and. n_clutch(model%scene) > 0) cycle
                 call system%evaluate_alone(t(lane), y(lane, :), alone, has_failed)
                 call check(error, .not. has_failed, name//": alone")
                 call check_close(error, alone, by_lanes(lane, :), rounding*maxval(abs(by_lanes(lane, :))), &
@@ -380,6 +385,48 @@ contains
             call compare_rates(error, trim(name(i)), model)
         end do
     end subroutine test_motors_elsewhere
+
+    !> Motors of a mechanism that lose in their gears; friction in its joints hangs on that, and that on it; joints that stick slide.
+    subroutine test_lossy(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(3) = [character(len=8) :: "lossy", "rubbing", "sticking"]
+        type(model_type), target :: model
+        integer :: i
+
+        do i = 1, size(name)
+            call load_model(error, "tests/scenes/fivebar_"//trim(name(i)), model)
+            if (allocated(error%message)) return
+            call check(error, size(model%contact) == merge(0, 5, i == 1), trim(name(i))//": joints rub")
+            call check(error, size(model%motor) == 2, trim(name(i))//": motors drive")
+            call compare_rates(error, trim(name(i)), model)
+        end do
+    end subroutine test_lossy
+
+    !> The legs of a platform, some driven by their motors and some by their loads, each on its own efficiencies.
+    subroutine test_lossy_legs(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+        integer :: i
+
+        call read_scene("examples/stewart_forward/scene.toml", scene, status)
+        do i = 1, size(scene%actuator)
+            scene%actuator(i)%law%kind = effort_constant
+            scene%actuator(i)%law%side = side_torque
+            scene%actuator(i)%law%value(1) = 0.002_wp*(-1)**i*i
+            scene%actuator(i)%motor%is_given = .true.
+            scene%actuator(i)%motor%ratio = 600
+            scene%actuator(i)%motor%inertia = 1.0e-5_wp
+            scene%actuator(i)%motor%efficiency = 1 - 0.1_wp*i
+            scene%actuator(i)%motor%back_efficiency = 0.9_wp - 0.12_wp*i
+        end do
+        if (status%is_ok()) call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call check(error, size(model%motor) == 6, "six motors")
+        call compare_rates(error, "lossy legs", model)
+    end subroutine test_lossy_legs
 
     !> A cylinder between two links that move, its valve half open.
     subroutine test_cylinder(error)
