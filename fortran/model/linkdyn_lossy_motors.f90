@@ -17,7 +17,7 @@ contains
         allocate (lossy(0))
         do i = 1, size(model%motor)
             associate (spec => model%scene%actuator(model%motor(i)%actuator))
-                if (spec%drive%side == side_joint .or. .not. is_given(model%motor(i)%actuator)) cycle
+                if (spec%law%side == side_joint .or. .not. is_given(model%motor(i)%actuator)) cycle
                 if (spec%motor%efficiency < 1 .or. spec%motor%back_efficiency < 1) lossy = [lossy, i]
             end associate
         end do
