@@ -4,15 +4,18 @@ submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_clutch_friction, only: carried_load
     use linkdyn_clutch_states, only: is_clutched, share_load, response_beside, set_guard
     use linkdyn_contact_forces, only: solve_contacts
-    use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip
+    use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip, kind_release
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, rates_held, slips, speed_of_sides, push_coordinates, still_rates
+    use linkdyn_impacts, only: find_locking
     use linkdyn_measures, only: find_kept
     use linkdyn_motor_laws, only: is_on
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: scene_type
     use linkdyn_slip_parts, only: goes_with_others, slip_levers, still_speeds, slip_speeds, slip_senses, &
         with_lead, find_way_loose, list_held
+    use linkdyn_stop_starts, only: touch_width
+    use linkdyn_stop_states, only: leave_stop
     implicit none (type, external)
 
 contains
@@ -120,12 +123,14 @@ contains
         end do
     end procedure follow_slips
 
-    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds.
+    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds, and
+    !> what the impulse drives onto stops strikes them.
     module procedure engage
         real(wp), parameter :: same_instant = 4096     !! last places of the clock: steps behind an event are some tens long
         real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
         real(wp) :: y_before(lanes, self%n), loss(lanes)
         logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free, alone
+        logical, dimension(lanes, n_stop(self%model%scene)) :: opens, rested
         logical :: is_concerned(lanes), is_part(size(is_closed, 2))
         integer :: lane, i
 
@@ -149,8 +154,10 @@ contains
         locks = is_closed .and. .not. was_closed .and. positive
         impulse = 0
         loss = 0
+        opens = .false.
+        rested = self%stops%rests
         if (any(locks)) call lock(self, t, y, positive .and. is_closed .and. spread(any(locks, dim=2), 2, size(locks, 2)), &
-                                  impulse, loss)
+                                  impulse, loss, opens)
         ! A surface that has turned right round while it slid has slipped at a right angle in between, and had not come to rest.
         call find_free(self, t, y, is_concerned, has_crossed, (has_crossed .and. (alone .or. held)) .or. positive, &
                        held, locks, is_free)
@@ -165,8 +172,23 @@ contains
             end do
         end do
         call tell()
+        call tell_opened()
+        if (any(opens)) call renew_gaps(self, t, y, any(opens, dim=2), rested)
+        if (any(locks)) call self%meet_touched_stops(t, y, any(locks, dim=2))
 
     contains
+
+        subroutine tell_opened()
+            type(event_entry) :: entry
+
+            entry%kind = kind_release
+            entry%direction = -1
+            do i = 1, size(opens, 2)
+                do lane = 1, lanes
+                    if (opens(lane, i)) call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
+                end do
+            end do
+        end subroutine tell_opened
 
         subroutine tell()
             do lane = 1, lanes
@@ -274,47 +296,66 @@ contains
         end associate
     end subroutine find_free
 
-    !> Clutches without capacity take away all slip between their sides, those that hold already among them.
-    subroutine lock(self, t, y, locks, impulse, loss)
+    !> Clutches without capacity take away all slip between their sides, those that hold already among them. What rests at stops may
+    !> be lifted off, or pressed there.
+    subroutine lock(self, t, y, locks, impulse, loss, opens)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(inout) :: y(:, :)
         logical, intent(in) :: locks(:, :)             !! (lane, n_clutch)
         real(wp), intent(out) :: impulse(:, :)         !! [N s, N m s] (lane, n_clutch)
         real(wp), intent(out) :: loss(lanes)           !! of energy [J]
+        logical, intent(out) :: opens(:, :)            !! nothing rests there any more (lane, n_stop)
         real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
-        real(wp), dimension(lanes, size(locks, 2)) :: before, after
-        real(wp), dimension(lanes, n_held(self%model)) :: push, wanted
+        real(wp), dimension(lanes, n_held(self%model)) :: before, after, push
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
         real(wp), dimension(lanes) :: energy_before, energy_after, kinetic
-        logical :: takes_part(lanes, n_held(self%model)), failed(lanes)
-        integer :: i
+        logical, dimension(lanes, n_held(self%model)) :: takes_part, is_lock, leaves, gives_way
+        logical :: has_locked(lanes), failed(lanes)
+        integer :: lane, i, n
 
-        takes_part = .false.
-        takes_part(:, n_stop(self%model%scene) + 1:) = locks
+        n = n_stop(self%model%scene)
+        has_locked = any(locks, dim=2)
+        is_lock(:, :n) = .false.
+        is_lock(:, n + 1:) = locks
+        takes_part = is_lock
+        takes_part(:, :n) = self%stops%rests .and. spread(has_locked, 2, n)
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         call energy_of_motion(self%model, self%look, energy_before, kinetic)
-        before = slips(self%model, self%look, level_velocity)
+        before = rates_held(self%model, self%look, level_velocity)
         call find_responses(self, takes_part, .true., response, of_coordinates)
-        wanted = 0
-        wanted(:, n_stop(self%model%scene) + 1:) = -before
-        call solve_contacts(response, takes_part, wanted, push)
+        do lane = 1, lanes
+            call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
+                              before(lane, :), push(lane, :), leaves(lane, :), gives_way(lane, :))
+        end do
         call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
-        impulse = push(:, n_stop(self%model%scene) + 1:)
+        impulse = push(:, n + 1:)
+        opens = leaves(:, :n)
         call self%look_closely(t, y)
-        after = slips(self%model, self%look, level_velocity)
+        after = rates_held(self%model, self%look, level_velocity)
         call energy_of_motion(self%model, self%look, energy_after, kinetic)
-        loss = -sum(impulse*(before + after), dim=2)/2
+        loss = -sum(push*(before + after), dim=2)/2
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         if (any(self%layout%rate(:self%model%n_q) == 0)) &
-            call count_drives_work(self%layout, any(locks, dim=2), energy_after - energy_before, loss, y)
+            call count_drives_work(self%layout, has_locked, energy_after - energy_before, loss, y)
         do i = 1, size(locks, 2)
-            where (locks(:, i) .and. abs(after(:, i)) > small*maxval(abs(before), dim=2, mask=locks))
+            where (locks(:, i) .and. abs(after(:, n + i)) > small*maxval(abs(before), dim=2, mask=is_lock))
                 self%is_driven_through = .true.
                 self%final_event = self%model%scene%clutch(i)%event
             end where
+        end do
+        do i = 1, n
+            associate (e => self%model%scene%stop(i)%event)
+                where (gives_way(:, i))
+                    self%is_driven_through = .true.
+                    self%final_event = e
+                end where
+                do lane = 1, lanes
+                    if (opens(lane, i)) call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                end do
+            end associate
         end do
     end subroutine lock
 
@@ -602,10 +643,36 @@ contains
 
         call self%look_closely(t, y)
         rate = rates_held(self%model, self%look, level_velocity)
+        call refuse_speed_at_rest(self, is_concerned .and. holds, rate, response)
         call solve_contacts(response, is_concerned .and. (holds .or. sense*rate < 0), -rate, change)
         call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
         call still_rates(self%model, self%layout, self%clutch%holds, y)
     end subroutine take_last_slip
+
+    !> What rests at a stop has but what rounding and steps have left of its speed: more is not taken from it in silence. The motion of
+    !> the state is in `look`.
+    subroutine refuse_speed_at_rest(self, holds, rate, response)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: holds(:, :)             !! (lane, n_held)
+        real(wp), intent(in) :: rate(:, :)             !! (lane, n_held) [m/s, rad/s]
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        real(wp), parameter :: much = 1.0e-2_wp        !! of the kinetic energy
+        real(wp), parameter :: far = 1.0e7_wp          !! over what counts as touching, within the run
+        real(wp), dimension(lanes) :: energy, kinetic
+        integer :: i
+
+        if (.not. any(holds(:, :n_stop(self%model%scene)))) return
+        call energy_of_motion(self%model, self%look, energy, kinetic)
+        do i = 1, n_stop(self%model%scene)
+            associate (stop => self%model%scene%stop(i), speed => abs(rate(:, i)))
+                where (holds(:, i) .and. speed**2 > much*2*kinetic*response(:, i, i) &
+                       .and. speed*max(self%span, 1.0_wp) > far*touch_width(stop))
+                    self%is_driven_through = .true.
+                    self%final_event = stop%event
+                end where
+            end associate
+        end do
+    end subroutine refuse_speed_at_rest
 
     !> Clutches that hold from here remember where they hold their joint variables.
     subroutine keep_places(self, t, y, is_concerned)

@@ -202,6 +202,7 @@ contains
             has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
             call engage(self, t, y, is_closed, has_slipped)
             is_over = is_over .or. self%is_driven_through
+            strikes = strikes .and. .not. self%stops%rests     ! what locks have driven there has struck
         end if
         if (any(strikes)) call forget_leaving(self, strikes)
         if (any(strikes)) then

@@ -32,7 +32,7 @@ contains
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         before = away_from_stops(self%model, self%look, level_velocity)
-        call find_touching(self, t, strikes, touches)
+        call find_touching(self, t, is_struck, strikes, touches)
         call find_stop_responses(self, t, y, touches, response, of_coordinates)
         call find_idle(self, touches, before, response, is_idle)
         where (is_idle) before = 0
@@ -112,18 +112,30 @@ contains
         end subroutine note
     end procedure meet_stops
 
+    module procedure meet_touched_stops
+        real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
+        real(wp) :: away(lanes, n_stop(self%model%scene))
+        logical, dimension(lanes, n_stop(self%model%scene)) :: strikes, touches
+
+        call self%look_closely(t, y)
+        strikes = .false.
+        call find_touching(self, t, is_wanted, strikes, touches)
+        away = away_from_stops(self%model, self%look, level_velocity)
+        strikes = touches .and. .not. self%stops%rests .and. away <= rounded*self%stops%fastest
+        if (any(strikes)) call self%meet_stops(t, y, strikes)
+    end procedure meet_touched_stops
+
     !> Contacts that take part in an impact: those that strike, those that rest, and all whose gaps are closed.
-    subroutine find_touching(self, t, strikes, touches)
+    subroutine find_touching(self, t, is_struck, strikes, touches)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
+        logical, intent(in) :: is_struck(lanes)
         logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
         logical, intent(out) :: touches(:, :)          !! (lane, n_stop)
         real(wp), parameter :: near = 1.0e-12_wp       !! of the widest gap so far: that is closed
         real(wp) :: gap(lanes, size(touches, 2))
-        logical :: is_struck(lanes)
         integer :: i
 
-        is_struck = any(strikes, dim=2)
         call measure_gaps(self, t, gap)
         do i = 1, size(gap, 2)
             associate (stop => self%model%scene%stop(i))

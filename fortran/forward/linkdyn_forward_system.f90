@@ -144,6 +144,7 @@ module linkdyn_forward_system
         procedure :: survey => survey_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
+        procedure :: meet_touched_stops
         procedure :: begin_with_clutches
         procedure :: switch_now
         procedure :: slips_at
@@ -428,6 +429,14 @@ module linkdyn_forward_system
             real(wp), intent(inout) :: y(:, :)
             logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
         end subroutine meet_stops
+
+        !> What touches its stop and has been brought to rest there, or drives onto it, behind an impulse of something else.
+        module subroutine meet_touched_stops(self, t, y, is_wanted)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t(lanes)
+            real(wp), intent(inout) :: y(:, :)
+            logical, intent(in) :: is_wanted(lanes)
+        end subroutine meet_touched_stops
 
         module subroutine renew_gaps(self, t, y, is_wanted, rested)
             class(forward_system), intent(inout) :: self

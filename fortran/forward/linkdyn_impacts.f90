@@ -8,12 +8,16 @@
 !> with e = 0 for one that comes too slowly to be thrown back, or rests. So an impact may open a contact at rest. It may also close
 !> one that had been left a moment ago: that strikes in its turn, in another round at the same instant. No round adds energy, for
 !> the sum of p (v- + v+)/2 is that of (1 - e) p v-/2, and v- is not positive where p is.
+!>
+!> Locks that close take all slip s at once, and may lift what rests off its stop or press it there: with the impulses q of locks,
+!>
+!>     s- + W_ss q + W_sv p = 0,    v+ = v- + W_vs q + W_vv p >= 0,    p >= 0,    p v+ = 0
 module linkdyn_impacts
-    use linkdyn_contact_forces, only: solve_complementary
+    use linkdyn_contact_forces, only: solve_complementary, solve_held
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: find_impacts, find_resting
+    public :: find_impacts, find_locking, find_resting
 
     integer, parameter :: most_rounds = 1000          !! of an instant; in the last one nothing is thrown back
     real(wp), parameter :: weak = 1.0e-6_wp            !! of the fastest impact at a stop: a slower one ends there
@@ -76,6 +80,59 @@ contains
         has_struck = has_struck .and. (came .or. impulse > 0)
         is_closed = touches .and. abs(speed) <= 10*still*hardest*ease
     end subroutine find_impacts
+
+    !> Impulses of locks that close, and of stops at which something rests.
+    pure subroutine find_locking(response, locks, rests, rate, impulse, opens, gives_way)
+        real(wp), intent(in) :: response(:, :)         !! W of stops and locks [1/kg, ...] (of, by)
+        logical, intent(in) :: locks(:), rests(:)      !! which of these take part, as locks and as stops
+        real(wp), intent(in) :: rate(:)                !! slips and speeds apart before [m/s, rad/s]
+        real(wp), intent(out) :: impulse(:)            !! [N s, N m s]
+        logical, intent(out) :: opens(:)               !! a stop at which nothing rests any more
+        logical, intent(out) :: gives_way(:)           !! a stop onto which locks press what is driven
+        real(wp), parameter :: none = 1.0e-10_wp       !! of a speed or response: rounding
+        real(wp), allocatable :: alone(:), force(:, :), own(:, :), apart(:), push(:), least(:)
+        integer, allocatable :: lock(:), stop(:)
+        integer :: i
+
+        lock = pack([(i, i=1, size(locks))], locks)
+        stop = pack([(i, i=1, size(rests))], rests)
+        allocate (force(size(lock), size(stop)), push(size(stop)))
+        alone = solve_held(response(lock, lock), -rate(lock))
+        do i = 1, size(stop)
+            force(:, i) = solve_held(response(lock, lock), response(lock, stop(i)))
+        end do
+        own = response(stop, stop) - matmul(response(stop, lock), force)
+        apart = rate(stop) + matmul(response(stop, lock), alone)
+        do i = 1, size(stop)
+            if (own(i, i) > none*response(stop(i), stop(i))) cycle
+            own(:, i) = 0                              ! what it stops is held by locks
+            own(i, :) = 0
+        end do
+        call solve_complementary(own, apart, push)
+        impulse = 0
+        impulse(stop) = push
+        impulse(lock) = alone - matmul(force, push)
+        apart = apart + matmul(own, push)
+        least = none*hardest_slip()*[(sqrt(max(response(stop(i), stop(i)), 0.0_wp)), i=1, size(stop))]
+        opens = .false.
+        opens(stop) = apart > least
+        gives_way = .false.
+        gives_way(stop) = apart < -least .and. least > 0
+
+    contains
+
+        !> The fastest slip, by the root of the response [sqrt(J)].
+        pure real(wp) function hardest_slip()
+            integer :: i
+
+            hardest_slip = 0
+            do i = 1, size(lock)
+                associate (ease => response(lock(i), lock(i)))
+                    if (ease > 0) hardest_slip = max(hardest_slip, abs(rate(lock(i)))/sqrt(ease))
+                end associate
+            end do
+        end function hardest_slip
+    end subroutine find_locking
 
     !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
     !> so slowly that it would come back before rounding let its gap be seen has no speed either.
