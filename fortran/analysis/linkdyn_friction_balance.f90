@@ -48,7 +48,7 @@ contains
             else
                 step = step/2
                 if (step > least_part) cycle
-                holding = maxloc(pressures(amount)*merge(1.0_wp, 0.0_wp, factor > 0), dim=1)
+                holding = most_involved(part + step, amount)
                 return
             end if
         end do
@@ -98,6 +98,47 @@ contains
             end do
         end function felt_slope
 
+        !> What is left of a change of amounts behind what it makes itself by pressing.
+        pure function left_over(part, amount) result(matrix)
+            real(wp), intent(in) :: part               !! of the coefficients
+            real(wp), intent(in) :: amount(:)
+            real(wp) :: matrix(size(contact), size(contact)), felt(n_press), grows(n_press, size(contact))
+            integer :: i, k
+
+            do i = 1, size(contact)
+                felt = pressing_slope(contact(i), felt_by(i, amount))
+                grows = felt_slope(i, amount)
+                do k = 1, size(contact)
+                    matrix(i, k) = merge(1.0_wp, 0.0_wp, i == k) - part*factor(i)*dot_product(felt, grows(:, k))
+                end do
+            end do
+        end function left_over
+
+        !> On whose coefficient it hangs most that nothing is left: the largest product of both null vectors' components, which is how
+        !> the eigenvalue that vanishes changes with each coefficient. What is only pressed by the others has no part in it, however hard.
+        pure integer function most_involved(part, amount) result(most)
+            real(wp), intent(in) :: part               !! of the coefficients
+            real(wp), intent(in) :: amount(:)
+            integer, parameter :: n_turn = 4
+            real(wp), dimension(size(contact)) :: along, across
+            real(wp) :: matrix(size(contact), size(contact))
+            logical :: is_upright
+            integer :: turn
+
+            along = factor*pressures(amount)
+            across = 1
+            do turn = 1, n_turn
+                matrix = left_over(part, amount)
+                call solve(matrix, along, is_upright)
+                matrix = transpose(left_over(part, amount))
+                call solve(matrix, across, is_upright)
+                along = along/maxval(abs(along))
+                across = across/maxval(abs(across))
+            end do
+            most = maxloc(abs(along*across), dim=1)
+            if (.not. all(abs(along*across) <= 1)) most = maxloc(merge(pressures(amount), 0.0_wp, factor > 0), dim=1)
+        end function most_involved
+
         !> Newton's method at a part of the coefficients.
         subroutine follow(part, amount, is_found)
             real(wp), intent(in) :: part
@@ -105,23 +146,17 @@ contains
             logical, intent(out) :: is_found
             integer, parameter :: most = 30
             real(wp), parameter :: enough = 4*epsilon(1.0_wp)
-            real(wp) :: matrix(size(contact), size(contact)), felt(n_press), grows(n_press, size(contact)), before, change
+            real(wp) :: matrix(size(contact), size(contact)), before, change
             real(wp), dimension(size(contact)) :: right, force, size_of
             logical :: is_upright
-            integer :: i, k, n
+            integer :: n
 
             is_found = .false.
             before = huge(1.0_wp)
             do n = 1, most
                 force = pressures(amount)
                 right = part*factor*force - amount
-                do i = 1, size(contact)
-                    felt = pressing_slope(contact(i), felt_by(i, amount))
-                    grows = felt_slope(i, amount)
-                    do k = 1, size(contact)
-                        matrix(i, k) = merge(1.0_wp, 0.0_wp, i == k) - part*factor(i)*dot_product(felt, grows(:, k))
-                    end do
-                end do
+                matrix = left_over(part, amount)
                 call solve(matrix, right, is_upright)
                 if (.not. all(abs(right) <= huge(1.0_wp))) return
                 amount = amount + right

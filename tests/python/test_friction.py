@@ -886,3 +886,53 @@ def test_kinks_are_not_taken_for_rounding(tolerances: np.ndarray) -> None:
         run = scene.forward(t=t, method="seulex", rtol=tolerance, atol=tolerance)
         assert run.attrs["stopped"] == "", tolerance
         np.testing.assert_allclose(run.q.values[-1], exact, atol=1e4 * tolerance)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_joint_that_locks_is_named_and_not_what_carries_it(order: int) -> None:
+    """A lever that carries a drawer which jams: the lever's hinge is pressed more, and has no part in the growth."""
+    scene = {
+        "space": "spatial",
+        "gravity": [0, 0, -9.81],
+        "frame": {"markers": {"A": {"at": [0.1, 0.2, 0.3], "axis": [1, 0.2, 0.1]}, "S": [0.5, 0.4, 0.9]}},
+        "link": [
+            {
+                "name": "lever",
+                "mass": 2.0,
+                "cog": [0.1, 0.05, -0.3],
+                "inertia": [0.06, 0.05, 0.02, 0.003, -0.002, 0.001],
+                "markers": {"A": {"at": [0, 0, 0], "axis": [1, 0, 0]}, "B": {"at": [0.05, 0.02, -0.6], "axis": [0.3, 1, 0.2]}, "T": [0.1, 0.1, -0.5]},
+            },
+            {
+                "name": "drawer",
+                "mass": 1.2,
+                "cog": [0.0, 0.03, -0.2],
+                "inertia": [0.03, 0.025, 0.01, 0.001, 0.002, -0.001],
+                "markers": {"B": {"at": [0, 0, 0], "axis": [0, 1, 0]}, "tip": [0.1, 0, -0.4]},
+            },
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "lever.A"]},
+            {"name": "B", "type": "cylindrical", "between": ["lever.B", "drawer.B"]},
+        ],
+        "coordinate": [
+            {"joint": "A", "start": {"position": 0.4, "velocity": 1.0}},
+            {"joint": "B", "variable": "angle", "start": {"position": -0.3, "velocity": 2.0}},
+            {"joint": "B", "variable": "slide", "start": {"position": 0.05, "velocity": 0.3}},
+        ],
+        "spring": [
+            {"name": "s", "between": ["frame.S", "drawer.tip"], "stiffness": 60, "damping": 1.5, "rest": 0.4},
+            {"name": "k", "joint": "B", "variable": "slide", "stiffness": 150, "damping": 1.0},
+        ],
+        "friction": [
+            {"joint": "A", "coulomb": 0.15, "radius": 0.03, "length": 0.1, "collar": 0.04, "creep_speed": 0.02},
+            {"joint": "B", "coulomb": 0.2, "radius": 0.02, "length": 0.08, "preload": 3.0, "viscous": 0.5, "creep_speed": 0.02},
+        ][::order],
+        "payload": [
+            {"on": "drawer.tip", "mass": {"law": "polynomial-345", "from": 0.5, "to": 1.5, "begin": 0.3, "duration": 0.5}},
+            {"on": "lever.T", "mass": 0.7, "from": 0.6, "until": 1.1},
+        ],
+        "actuator": [{"joint": "A", "law": {"type": "spring-damper", "stiffness": 20, "damping": 0.3, "rest": 0.2}, "drive": {"ratio": 20, "rotor_inertia": 1e-4}}],
+    }
+    stopped = linkdyn.Scene(scene).forward(t=np.linspace(0, 1.5, 4), rtol=1e-7, atol=1e-7).attrs["stopped"]
+    assert "joint 'B' locks: its friction grows" in stopped
