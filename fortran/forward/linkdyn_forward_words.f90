@@ -9,12 +9,17 @@ module linkdyn_forward_words
     use linkdyn_forward_run, only: forward_run
     use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged, sample_undefined
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, tell_stop
+    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, tell_stop, driven_through_in_words, no_stand_in
+
+    !> Behind the name of a coordinate of a pose, or of a joint with several axes.
+    character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
+        //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
 
 contains
 
@@ -90,8 +95,6 @@ contains
                                                        !! nothing is a number any more; `sample_ok` if that is told otherwise
         character(len=:), allocatable :: driven_out, too_stiff
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
-        character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
-            //"mechanism goes on (expected hinges or slides as coordinates: others can take their places)"
         character(len=*), parameter :: no_other = ", and no other joint variable can take its place"
         integer :: stalled, lane
 
@@ -107,13 +110,7 @@ contains
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
         else if (run%system%is_driven_through(1)) then
-            if (run%own%scene%event(run%system%final_event(1))%clutch > 0) then
-                reason = reason//"nothing that clutch "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
-                         //" could join moves freely: both of its sides are driven, or held"
-                return
-            end if
-            reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
-                     //" is driven: no force of the stop changes its motion"
+            reason = reason//driven_through_in_words(run%own, run%system%final_event(1))
         else if (driven_out /= "") then
             reason = reason//driven_out
         else if (run%dead_coordinate > 0) then
@@ -180,6 +177,21 @@ contains
             reason = reason//too_stiff
         end if
     end subroutine tell_stop
+
+    !> What is driven, or held, against an impulse.
+    function driven_through_in_words(model, event) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: event                   !! of the stop or clutch that could not give it
+        character(len=:), allocatable :: text
+
+        if (model%scene%event(event)%clutch > 0) then
+            text = "nothing that clutch "//quoted(model%scene%event(event)%name) &
+                   //" could join moves freely: both of its sides are driven, or held"
+        else
+            text = "what strikes stop "//quoted(model%scene%event(event)%name) &
+                   //" is driven: no force of the stop changes its motion"
+        end if
+    end function driven_through_in_words
 
     !> Whose assemblies meet where the run has stopped; 0: nobody's. One that is to end exactly there tries no way beyond,
     !> which would tell: its steps come ever nearer.

@@ -13,6 +13,7 @@ module linkdyn_simulator
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: state_layout, fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
+    use linkdyn_forward_words, only: driven_through_in_words, no_stand_in
     use linkdyn_heard_tables, only: hearing, heard_table, list_tables, refuse_short_tables
     use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
         stop_pace
@@ -299,7 +300,7 @@ contains
         type(simulator_type), intent(inout) :: self
         type(status_type), intent(inout) :: status
         character(len=:), allocatable :: why
-        integer :: dead
+        integer :: dead, stalled
 
         call hold_texts()
         select case (self%integrator%reason)
@@ -316,6 +317,12 @@ contains
                 if (dead > 0) why = "coordinate "//quoted(self%model%scene%coordinate(dead)%name)//" comes to its dead point, " &
                     //"where it turns back and the mechanism goes on (expected a coordinate that does not, or a forward run)"
             end if
+            stalled = self%system%stalled_coordinate(self%integrator%good_until(1), self%y)
+            if (stalled > 0) then
+                if (self%system%watch%variable(stalled) == 0) &
+                    why = "coordinate "//quoted(self%model%scene%coordinate(stalled)%name)//no_stand_in
+            end if
+            if (self%system%is_driven_through(1)) why = driven_through_in_words(self%model, self%system%final_event(1))
         end select
         call fail(status, status_bad_input, "the simulation cannot go on beyond t = "//to_text(self%integrator%good_until(1)) &
                   //" s: "//why)

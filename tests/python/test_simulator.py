@@ -284,3 +284,31 @@ def test_an_edge_missed_by_rounding_is_met(method: str) -> None:
         assert before + 0.1 <= simulator.t <= before + 0.1 + 1e-15
     good = scene.forward(t=[0.0, 2.0], rtol=1e-12, atol=1e-12).q.values[-1, 0]
     assert simulator.q[0] == pytest.approx(good, abs=3e-6 if method == "msbdf" else 5e-7)
+
+
+def test_a_pose_that_cannot_go_on_is_told_as_forward_runs_tell_it() -> None:
+    """Two links led by the place of their tip, which they reach no farther when they are stretched."""
+    scene = linkdyn.Scene({
+        "space": "planar",
+        "frame": {"markers": {"H": [0.0, 0.0]}},
+        "link": [
+            {"name": "u", "mass": 2.0, "cog": [0.2, 0.02], "inertia": 0.05, "markers": {"H": [0.0, 0.0], "E": [0.4, 0.0]}},
+            {"name": "f", "mass": 1.0, "cog": [0.15, 0.0], "inertia": 0.02, "markers": {"E": [0.0, 0.0], "T": [0.35, 0.02]}},
+        ],
+        "joint": [
+            {"name": "H", "type": "revolute", "between": ["frame.H", "u.H"]},
+            {"name": "E", "type": "revolute", "between": ["u.E", "f.E"], "start": 0.9},
+        ],
+        "coordinate": [
+            {"marker": "f.T", "components": ["x", "y"], "start": {"x": {"position": 0.45, "velocity": 0.56}, "y": {"position": 0.4, "velocity": 0.4}}}
+        ],
+        "actuator": [{"joint": joint, "law": {"type": "constant", "value": 0.0}} for joint in ("H", "E")],
+    })
+    stopped = scene.forward(t=np.linspace(0, 2, 5), rtol=1e-9, atol=1e-9).attrs["stopped"]
+    words = stopped.split(" s: ")[1]
+    assert words.endswith("others can take their places)")
+    simulator = scene.simulator(rtol=1e-9, atol=1e-9)
+    with pytest.raises(InputError) as refusal:
+        for _ in range(20):
+            simulator.step(0.1, [0.0, 0.0])
+    assert str(refusal.value).endswith(words)
