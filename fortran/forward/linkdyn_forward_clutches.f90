@@ -328,7 +328,7 @@ contains
         call find_responses(self, takes_part, .true., response, of_coordinates)
         do lane = 1, lanes
             call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
-                              before(lane, :), push(lane, :), leaves(lane, :), gives_way(lane, :))
+                              before(lane, :), self%stops%hardest(lane), push(lane, :), leaves(lane, :), gives_way(lane, :))
         end do
         call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
         impulse = push(:, n + 1:)

@@ -82,10 +82,11 @@ contains
     end subroutine find_impacts
 
     !> Impulses of locks that close, and of stops at which something rests.
-    pure subroutine find_locking(response, locks, rests, rate, impulse, opens, gives_way)
+    pure subroutine find_locking(response, locks, rests, rate, hardest, impulse, opens, gives_way)
         real(wp), intent(in) :: response(:, :)         !! W of stops and locks [1/kg, ...] (of, by)
         logical, intent(in) :: locks(:), rests(:)      !! which of these take part, as locks and as stops
         real(wp), intent(in) :: rate(:)                !! slips and speeds apart before [m/s, rad/s]
+        real(wp), intent(inout) :: hardest             !! impact so far: speed by the root of the response [sqrt(J)]
         real(wp), intent(out) :: impulse(:)            !! [N s, N m s]
         logical, intent(out) :: opens(:)               !! a stop at which nothing rests any more
         logical, intent(out) :: gives_way(:)           !! a stop onto which locks press what is driven
@@ -113,6 +114,7 @@ contains
         impulse(stop) = push
         impulse(lock) = alone - matmul(force, push)
         apart = apart + matmul(own, push)
+        hardest = max(hardest, hardest_slip())
         least = none*hardest_slip()*[(sqrt(max(response(stop(i), stop(i)), 0.0_wp)), i=1, size(stop))]
         opens = .false.
         opens(stop) = apart > least
@@ -144,6 +146,7 @@ contains
         real(wp), intent(in) :: widest(:)              !! gap so far [m, rad]
         logical, intent(inout) :: is_closed(:)         !! has no speed
         logical, intent(out) :: rests(:)
+        real(wp), parameter :: at_rest = 1.0e-13_wp    !! of the largest acceleration: others hold it already
         real(wp), parameter :: low = 1.0e-13_wp        !! of the widest gap so far: a bounce of that height is none
         real(wp) :: left(size(rests))
         real(wp), allocatable :: push(:)
@@ -162,6 +165,6 @@ contains
             is_closed = is_closed .or. is_low
         end do
         rests = .false.
-        rests(contact) = push > 0 .or. left(contact) <= 0
+        rests(contact) = push > 0 .or. left(contact) <= at_rest*maxval(abs(away(contact)))
     end subroutine find_resting
 end module linkdyn_impacts
