@@ -247,6 +247,38 @@ def test_planar_links_are_drawn_where_they_are(sixbar):
     assert np.nanmin(np.linalg.norm(drawn - tip, axis=1)) < 1e-12
 
 
+def _names_of(path):
+    _, axis = plot.mechanism(linkdyn.load(path))
+    return {text.get_text() for text in axis.texts}
+
+
+def test_only_driven_slides_are_cylinders():
+    """A roller under a platform and a block on a lever are drawn as what they are, with their names."""
+    names = _names_of(Path(linkdyn.__file__).parent / "_scenes" / "scissor-lift.toml")
+    assert {"platform", "roller2", "cylinder"} <= names and not {"barrel", "piston"} & names
+    assert {"lever", "block"} <= _names_of(EXAMPLES / "shaper" / "scene.toml")
+    assert {"cylinder1", "cylinder2", "cylinder3"} <= _names_of(Path(linkdyn.__file__).parent / "_scenes" / "excavator.toml")
+
+
+def test_what_lies_beside_a_cylinder_is_not_hidden():
+    """A cylinder whose barrel carries a bracket is drawn as the links that it is made of."""
+    text = (Path(linkdyn.__file__).parent / "_scenes" / "scissor-lift.toml").read_text()
+    barrel = 'name = "barrel"\nmarkers = { c = { at = [0, 0], axis = [1, 0] } }'
+    assert barrel in text
+    _, axis = plot.mechanism(linkdyn.Scene(text.replace(barrel, barrel[:-1] + ', bracket = ["0.2 m", "0.1 m"] }')))
+    assert {"barrel", "piston"} <= {text.get_text() for text in axis.texts}
+
+
+def test_a_straight_link_is_a_bar_to_its_tip():
+    """A lid beyond its hinge is as thick as between its hinges."""
+    scene = linkdyn.load(EXAMPLES / "stopped_rocker" / "scene.toml")
+    _, axis = plot.mechanism(scene)
+    ways = [np.linalg.norm(np.diff(line.get_xydata(), axis=0)) for line in axis.get_lines() if line.get_linewidth() > 3 and len(line.get_xydata()) == 2]
+    markers = next(link["markers"] for link in scene.description["links"] if link["name"] == "lid")
+    longest = max(np.linalg.norm(np.subtract(a["at"], b["at"])) for a in markers for b in markers)
+    assert max(ways) == pytest.approx(longest, rel=1e-9)
+
+
 def test_flat_mechanism_has_a_flat_picture():
     figure, _ = plot.mechanism(linkdyn.load(EXAMPLES / "slider_crank" / "scene.toml"))
     width, height = figure.get_size_inches()

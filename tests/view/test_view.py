@@ -205,6 +205,29 @@ def test_excavator(browser, excavator, tmp_path):
     assert not page.complaints
 
 
+@pytest.mark.parametrize("scene", ["shaper", "quick-return", "scissor-lift"])
+def test_slotted_levers_and_platforms_are_no_cylinders(browser, scene, tmp_path):
+    """A block slides on a lever that goes on beyond it; only what is driven is a cylinder."""
+    file = EXAMPLES / "shaper" / "scene.toml" if scene == "shaper" else Path(linkdyn.__file__).parent / "_scenes" / f"{scene}.toml"
+    page = browser.open(linkdyn.view(linkdyn.load(file).inverse(), tmp_path / "slide.html").file, "still")
+    cylinders = page.value(f"{VIEW}.mechanism.telescopes.map(t => t.joint.name)")
+    assert cylinders == (["cylinder"] if scene == "scissor-lift" else [])
+    slide = "top" if scene == "scissor-lift" else "slot"
+    assert slide in page.value(f"{VIEW}.mechanism.rails.map(joint => joint.name)")
+    assert not page.complaints
+
+
+def test_barrels_hold_all_of_their_joints(browser, excavator, tmp_path):
+    """A driven slide whose barrel holds another joint beyond its mouth is drawn as bars."""
+    page = browser.open(linkdyn.view(excavator.inverse(), tmp_path / "arm.html").file, "still")
+    reach = """(joint, far) => { const m = %s.mechanism, end = joint.ends[0];
+        const beyond = { ...end, name: "far", at: end.at.clone().addScaledVector(end.axis, far) };
+        m.joints.push({ type: "revolute", links: [end.link, 0], ends: [beyond, m.joints[0].ends[0]] });
+        const found = m.telescope(joint); m.joints.pop(); return found !== null; }""" % VIEW
+    joint = f"{VIEW}.mechanism.joints.find(joint => joint.name === 'lift')"
+    assert page.value(f"[0.1, 3].map(far => ({reach})({joint}, far))") == [True, False]
+
+
 def test_failed_samples(browser, crossing, tmp_path):
     run = linkdyn.Scene(crossing).inverse()
     page = browser.open(linkdyn.view(run, tmp_path / "gap.html").file, "t=2")

@@ -23,7 +23,7 @@ export class Mechanism {
     this.joints = all.filter((joint) => !isGeared(joint));
     this.gears = all.filter(isGeared);
     this.telescopes = this.joints
-      .filter(isSlide)
+      .filter(({ telescopes }) => telescopes)
       .map((joint) => this.telescope(joint))
       .filter(Boolean);
     const isTelescope = new Set(this.telescopes.map(({ joint }) => joint));
@@ -112,18 +112,20 @@ export class Mechanism {
   }
 
   /**
-   * A slide between two moving links that hold their joints on its axis, far ends that never come together: from base
-   * to eye, in link axes, with lengths that keep the rod's inner end in the barrel as long as the stroke allows.
+   * Links that hold their joints on the axis of a driven slide, far ends that never come together, all of them on barrel
+   * and rod: from base to eye, in link axes, with lengths that keep the rod's inner end in the barrel as long as the
+   * stroke allows.
    */
   telescope(joint) {
     const [first, second] = joint.ends;
-    if (joint.links.includes(0)) return null;
     const sign = Math.sign(joint.travel[0] + joint.travel[1]) || 1;
     const axis = first.axis.clone().multiplyScalar(sign),
       rodAxis = second.axis.clone().multiplyScalar(sign);
     const along = (end, direction) => this.corners(end.link).map((corner) => corner.clone().sub(end.at).dot(direction));
-    const base = Math.min(...along(first, axis)),
-      eye = Math.max(...along(second, rodAxis));
+    const onFirst = along(first, axis),
+      onSecond = along(second, rodAxis);
+    const base = Math.min(...onFirst),
+      eye = Math.max(...onSecond);
     const [lowest, highest] = joint.travel.map((slide) => sign * slide).sort((a, b) => a - b);
     const least = lowest + eye - base,
       most = highest + eye - base;
@@ -135,12 +137,14 @@ export class Mechanism {
     };
     const isSlim = (end, direction) => this.corners(end.link).every((point) => isOnAxis(end, direction, point));
     if (!isSlim(first, axis) || !isSlim(second, rodAxis)) return null;
+    const rod = Math.min(least, most - barrel + 0.06 * least);
+    if (Math.max(...onFirst) > base + barrel + OFF_AXIS * least || Math.min(...onSecond) < eye - rod - OFF_AXIS * least) return null;
     return {
       joint,
       from: first.at.clone().addScaledVector(axis, base),
       barrelTo: first.at.clone().addScaledVector(axis, base + barrel),
       to: second.at.clone().addScaledVector(rodAxis, eye),
-      rodFrom: second.at.clone().addScaledVector(rodAxis, eye - Math.min(least, most - barrel + 0.06 * least)),
+      rodFrom: second.at.clone().addScaledVector(rodAxis, eye - rod),
     };
   }
 }

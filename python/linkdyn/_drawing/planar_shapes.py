@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.springs import acts_along, ends_of, shape_of
+from .._geometry.telescopes import is_telescope
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 from .names import Room, list_of, sampled
 from .style import COLOURS, FRAME_COLOUR
@@ -28,7 +29,7 @@ BAR, EDGE = 5.0, 1.3
 """Width of a bar and of its dark edge [points]."""
 FONT = 8.0
 STRAIGHT = 1e-6
-"""How far a slide may be from the line through both hinges, as a part of their distance, to be a cylinder."""
+"""How far points may be from a line, as a part of its length, to lie on it."""
 PLATE: dict[str, Any] = {"boxstyle": "square,pad=0.05", "facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": "none"}
 """Names can be read where they have to stand on lines."""
 WIRE = "#3a424b"
@@ -82,7 +83,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
 
 @dataclass(frozen=True)
 class _Cylinder:
-    """A slide between two links that hold one hinge more each, and nothing else."""
+    """A driven slide between two links that hold one hinge more each, and nothing beside its line."""
 
     joint: dict[str, Any]
     foot: Points
@@ -104,18 +105,24 @@ def _cylinders(posture: Posture, slides: dict[str, tuple[float, float]]) -> list
     found = []
     for joint in description["joints"]:
         others = [[other for other in description["joints"] if link in other["links"] and other is not joint] for link in joint["links"]]
-        if joint["type"] != "prismatic" or 0 in joint["links"] or any(len(held) != 1 or held[0]["type"] != "revolute" for held in others):
+        if not is_telescope(description, joint) or any(len(held) != 1 or held[0]["type"] != "revolute" for held in others):
             continue
         hinges = [_marker_on(posture, held[0], link) for link, held in zip(joint["links"], others)]
         along = hinges[1] - hinges[0]
         length = float(np.linalg.norm(along))
         axis = posture.axes[joint["links"][0]][joint["markers"][0]][:2]
-        if length == 0.0 or abs(along[0] * axis[1] - along[1] * axis[0]) > STRAIGHT * length or len(posture.markers[joint["links"][0]]) > 3:
+        if length == 0.0 or not _are_slim(posture, joint["links"], hinges[0], axis, STRAIGHT * length):
             continue
         first, second = _ends(posture, joint)
         shortest = length - (float((second - first) @ axis) - slides[joint["name"]][0]) * np.sign(along @ axis)
         found.append(_Cylinder(joint, hinges[0], hinges[1], min(0.62, 0.9 * shortest / length)))
     return found
+
+
+def _are_slim(posture: Posture, links: list[int], on: Points, axis: Points, off: float) -> bool:
+    """Have the links all of their markers on a line? Else a cylinder would hide what is beside it."""
+    offsets = np.array([point[:2] for link in links for point in posture.markers[link].values()]) - on
+    return bool(np.abs(offsets[:, 0] * axis[1] - offsets[:, 1] * axis[0]).max() <= off)
 
 
 def _marker_on(posture: Posture, joint: dict[str, Any], link: int) -> Points:
@@ -306,14 +313,18 @@ def _hatch(ax: Axes, start: Points, stop: Points, below: Points, unit: float) ->
 
 
 def _corners(markers: dict[str, Points], held: set[str]) -> Points:
-    """Between what a link is drawn: its joints; of one joint and another marker, both."""
-    joints = distinct(np.array([markers[name][:2] for name in held or markers]))
+    """Between what a link is drawn: its joints; of a straight link its ends, which may lie beyond them."""
     everything = distinct(np.array([point[:2] for point in markers.values()]))
-    return everything if len(joints) == 1 and len(everything) == 2 else joints
+    offsets = everything - everything[0]
+    farthest = offsets[np.argmax(np.linalg.norm(offsets, axis=1))]
+    if np.abs(offsets[:, 0] * farthest[1] - offsets[:, 1] * farthest[0]).max() <= STRAIGHT * float(farthest @ farthest):
+        places = offsets @ farthest
+        return distinct(everything[[int(np.argmin(places)), int(np.argmax(places))]])
+    return distinct(np.array([markers[name][:2] for name in held or markers]))
 
 
 def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str) -> None:
-    """A bar between two joints, or from the only one to its tip, a plate between more; further markers on a pale plate."""
+    """A bar if it is straight or has two joints, a plate between more; further markers on a pale plate."""
     if not markers:
         return
     everything = distinct(np.array([point[:2] for point in markers.values()]))

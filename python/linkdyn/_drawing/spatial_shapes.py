@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.springs import acts_along, ends_of, shape_of
+from .._geometry.telescopes import SLIDING
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
 from .names import Room, list_of, sampled
 from .planar_shapes import WIRE, around, distinct, jointed, lighter, link_colour, name_style, tell_left_out
@@ -37,8 +38,6 @@ LED = 1.8
 """From so far on, in units, a leader is drawn."""
 UNIT = 0.018
 """What springs are made of, as a part of the largest extent."""
-SLIDING = ("prismatic", "cylindrical", "screw")
-"""Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
 
 
 def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float]]], names: bool) -> None:

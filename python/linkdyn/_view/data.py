@@ -20,6 +20,7 @@ from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
 from .._geometry.springs import acts_along
+from .._geometry.telescopes import SLIDING, is_telescope
 from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
@@ -33,7 +34,6 @@ TURN = 32767
 """A component of a direction is sent as an integer of 16 bit: 3e-5 rad, less than a pixel."""
 ROOM = 0.1
 """Round a planar mechanism, for arrows; of its extent."""
-SLIDING = ("prismatic", "cylindrical", "screw")
 FEW = 12
 """Joints whose names do not hide the picture."""
 CLEAR = 8
@@ -187,7 +187,9 @@ def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) ->
         return joint | {"thread": thread_in_link(postures, joint, int(held[0]))}
     if joint["type"] == "planar":
         return joint | {"field": postures.field(joint, held)}
-    return joint | {"travel": list(postures.travel(joint, held))} if joint["type"] in SLIDING else joint
+    if joint["type"] in SLIDING:
+        return joint | {"travel": list(postures.travel(joint, held)), "telescopes": is_telescope(postures.scene.description, joint)}
+    return joint
 
 
 def _marker(scene: Scene, link: int, marker: str) -> list[float]:
