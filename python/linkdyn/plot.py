@@ -16,7 +16,7 @@ from ._assemblies import draw_assemblies
 from ._drawing.animation import animate
 from ._drawing.arguments import checked
 from ._drawing.forces import borne
-from ._drawing.lines import abscissa, colour, draw_lines, line, scale_axis
+from ._drawing.lines import MOST_LINES, abscissa, colour, draw_lines, line, scale_axis
 from ._drawing.mechanisms import mechanism
 from ._drawing.style import BAD, as_written, put_heading
 from ._drawing.sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
@@ -99,7 +99,7 @@ def driving_forces(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np
 
 @checked
 def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndarray]:
-    """Magnitudes of the joint reactions: a row per group of like joints; left force, right moment where there is one.
+    """Magnitudes of the joint reactions; left force, right moment where there is one. More than eight joints have a row per group of like ones.
 
     Of more than eight lines the range is drawn, and the one with the largest peak.
 
@@ -124,7 +124,8 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
         for letter, acting in zip("FM", borne(peaks["F"], peaks["M"]))
     }
     rows = []
-    for names in _groups(run.joint.values, {}).values():
+    joints = list(map(str, run.joint.values))
+    for names in [joints] if len(joints) <= MOST_LINES else _groups(joints, {}).values():
         row: list[Panel | None] = []
         for letter, quantity in (("F", "force"), ("M", "moment")):
             acting = [name for name in names if name in bears[letter]] or (names if letter == "F" else [])
@@ -151,13 +152,12 @@ def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = 
                 drawn[0].set_subplotspec(drawn[0].get_gridspec()[drawn[0].get_subplotspec().rowspan.start, :])
                 continue
             quantity, unit, values = panel
-            largest = max(float(np.nanmax(np.abs(y), initial=0.0)) for y in values.values())
-            draw_lines(axis, x, values, *scale_axis(axis, "y", quantity, unit, largest, ticks=5), from_zero=from_zero)
+            draw_lines(axis, x, values, *scale_axis(axis, "y", quantity, unit, _largest(*values.values()), ticks=5), from_zero=from_zero)
     for column in axes.T:
         shown = [axis for axis in column if axis.get_visible()]
         for axis, below in zip(shown, [*shown[1:], None]):
             if below is None or _width(axis) != _width(below):  # numbers below a wider panel are at other places
-                scale_axis(axis, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
+                scale_axis(axis, "x", x_name, x_unit, _largest(x), ticks=8)
                 axis.tick_params(labelbottom=True)
     if run.attrs.get("title"):
         put_heading(figure, run.attrs["title"])
@@ -344,20 +344,24 @@ def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     figure, axes
         ``axes`` of shape (2,).
     """
-    for name in ("kinetic_energy", "potential_energy", "work"):
-        _need(run, name)
+    parts = {"kinetic_energy": "kinetic", "potential_energy": "potential", "work": "work of the drives"}
+    for name in parts:
+        _need(run, name, "a forward run with its energies")
     figure, axes = pyplot.subplots(2, sharex=True, figsize=(9.0, 5.5), layout="constrained", height_ratios=(2, 1))
-    x, x_label = _clock(run)
-    for k, (name, label) in enumerate((("kinetic_energy", "kinetic"), ("potential_energy", "potential"), ("work", "work of the drives"))):
-        axes[0].plot(x, run[name], label=label, **line(k))
-    balance = run.kinetic_energy + run.potential_energy - run.work
-    axes[1].plot(x, balance - balance[0], **line(3))
-    axes[0].set_ylabel("energy [J]")
-    axes[1].set_ylabel("kinetic + potential\n- work, change [J]")
-    as_written(axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small"))
-    axes[1].set_xlabel(x_label)
+    x, x_name, x_unit = abscissa(run)
+    lines = {label: run[name].values for name, label in parts.items()}
+    draw_lines(axes[0], x, lines, *scale_axis(axes[0], "y", "energy", "J", _largest(*lines.values()), ticks=5), peaks=False)
+    balance = (run.kinetic_energy + run.potential_energy - run.work).values
+    change = balance - balance[0]
+    axes[1].plot(x, change, **line(3))
+    scale_axis(axes[1], "y", "kinetic + potential\n- work, change", "J", _largest(change), ticks=4)
+    scale_axis(axes[1], "x", x_name, x_unit, _largest(x), ticks=8)
     _finish(figure, axes, run)
     return figure, axes
+
+
+def _largest(*values: np.ndarray) -> float:
+    return max(float(np.nanmax(np.abs(y), initial=0.0)) for y in values)
 
 
 @checked
@@ -374,15 +378,12 @@ def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     figure, axes
         ``axes`` of shape (1,).
     """
-    _need(run, "step")
+    _need(run, "step", "a forward run")
     figure, axes = pyplot.subplots(1, squeeze=False, figsize=(9.0, 3.2), layout="constrained")
     x, x_label = _clock(run)
     step = run.step.values[1:]
     axes[0, 0].semilogy(x[1:], step, drawstyle="steps-pre", **line(0))
-    known = step[np.isfinite(step) & (step > 0)]
-    if known.size:  # whole decades: equal steps, which differ by rounding, are one line
-        low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
-        axes[0, 0].set_ylim(10.0 ** (low - (low == high)), 10.0 ** (high + (low == high)))
+    _whole_decades(axes[0, 0], step)
     axes[0, 0].set(xlabel=x_label, ylabel=f"step of {run.attrs.get('method', 'the integrator')} [s]")
     _finish(figure, axes, run)
     return figure, axes[:, 0]
@@ -402,27 +403,36 @@ def study(result: xr.Dataset) -> tuple[Figure, np.ndarray]:
     figure, axes
         ``axes`` of shape (1 or 2,): inverse and forward dynamics, as far as there.
     """
-    _need(result, "seconds")
+    _need(result, "seconds", "that of Scene.study()")
     kinds = [kind for kind in ("inverse", "forward") if (result.analysis == kind).any()]
     figure, axes = pyplot.subplots(1, len(kinds), squeeze=False, figsize=(1.0 + 4.5 * len(kinds), 4.2), layout="constrained")
     for axis, kind in zip(axes[0], kinds):
         rows = result.isel(row=np.flatnonzero(result.analysis == kind))
         scale, unit = (1e6, "µs a sample") if kind == "inverse" else (1e3, "ms for the run")
+        floor = np.finfo(float).eps / 4    # so that an error of zero has a place
         for k, method in enumerate(dict.fromkeys(rows.method.values)):
             chosen = rows.isel(row=np.flatnonzero(rows.method == method))
-            floor = np.finfo(float).eps / 4    # so that an error of zero has a place
             axis.plot(scale * chosen.seconds, np.maximum(chosen.error, floor), "o-", label=str(method), color=colour(k),
                       markersize=5, linewidth=1.3)
         axis.set(xscale="log", yscale="log", xlabel=f"time [{unit}]", ylabel="relative error", title=f"{kind} dynamics")
+        _whole_decades(axis, np.maximum(rows.error.values, floor))
         axis.grid(True, which="major", color="0.9", linewidth=0.6)
         axis.spines[["top", "right"]].set_visible(False)
         axis.legend(frameon=False, fontsize="small")
     return figure, axes[0]
 
 
-def _need(run: Any, name: str) -> None:
+def _whole_decades(axis: Axes, values: np.ndarray) -> None:
+    """Of a logarithmic axis: what differs by rounding alone is one line."""
+    known = values[np.isfinite(values) & (values > 0)]
+    if known.size:
+        low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
+        axis.set_ylim(10.0 ** (low - (low == high)), 10.0 ** (high + (low == high)))
+
+
+def _need(run: Any, name: str, expected: str = "a run that wants it") -> None:
     if name not in run:
-        raise InputError(f"plot: the results have no {name} (expected a run that wants it)")
+        raise InputError(f"plot: the results have no {name} (expected {expected})")
 
 
 def _groups(names: Any, units: dict[str, str]) -> dict[tuple[str, str], list[str]]:

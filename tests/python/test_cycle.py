@@ -56,6 +56,18 @@ def by_reactions(run, scene, about):
     return force, moment
 
 
+def test_instants_that_go_back_are_refused(tmp_path):
+    """A mean over samples out of their order is none of a cycle: 0, 1 and 0.5 s gave a mean power above the peak."""
+    run = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml").inverse(t=[0.0, 1.0, 0.5])
+    calls = {
+        "energy": lambda: run.linkdyn.energy(), "flywheel": lambda: run.linkdyn.flywheel(0.02),
+        "sheet": lambda: linkdyn.sheet(run, tmp_path / "run.html"), "view": lambda: run.linkdyn.view(tmp_path / "view.html"),
+    }
+    for name, call in calls.items():
+        with pytest.raises(linkdyn.InputError, match=f"^{name}: the instants of the run go back, 0.5 s follows 1 s"):
+            call()
+
+
 # ---------------------------------------------------------------- points
 
 @pytest.mark.parametrize("kind", ["six-bar", "excavator", "hexapod", "delta", "arm", "3-rrr", "screw_lift", "air_bearing_stage"])

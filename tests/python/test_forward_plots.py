@@ -48,6 +48,16 @@ def test_energies_with_their_balance(run):
     figure.canvas.draw()
 
 
+def test_energies_are_told_in_units_that_suit(run):
+    """In kJ or MJ, without an offset beside the axis, names where the lines end."""
+    large = run.assign({name: (run[name].dims, 1e6 * run[name].values) for name in ("kinetic_energy", "potential_energy", "work")})
+    figure, axes = plot.energies(large)
+    figure.canvas.draw()
+    assert axes[0].get_ylabel().endswith(("[kJ]", "[MJ]", "[GJ]"))
+    assert not any(axis.yaxis.get_offset_text().get_text() for axis in axes)
+    assert {text.get_text() for text in axes[0].texts} == {"kinetic", "potential", "work of the drives"}
+
+
 def test_steps(run):
     figure, axes = plot.steps(run)
     np.testing.assert_array_equal(axes[0].get_lines()[0].get_ydata(), run.step.values[1:])
@@ -67,3 +77,9 @@ def test_equal_steps_are_one_line(run):
 def test_missing_results_are_named(run):
     with pytest.raises(linkdyn.LinkdynError, match="kinetic_energy"):
         plot.energies(run.drop_vars("kinetic_energy"))
+    with pytest.raises(linkdyn.LinkdynError, match="expected a forward run with its energies"):
+        plot.energies(run.drop_vars("kinetic_energy"))
+    with pytest.raises(linkdyn.LinkdynError, match="no step .expected a forward run"):
+        plot.steps(run.drop_vars("step"))
+    with pytest.raises(linkdyn.LinkdynError, match=r"expected that of Scene.study\(\)"):
+        plot.study(run)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.text import Text
 from PIL import Image
@@ -42,6 +43,31 @@ def test_reactions(run):
     figure.canvas.draw()
     for k in (0, 1):    # what is as wide as both columns says nothing of when it is in the panels above
         assert axes[1, k].get_xlabel() == "time [s]" and axes[1, k].xaxis.get_tick_params()["labelbottom"]
+
+
+def test_few_joints_share_a_panel(run):
+    """Up to eight lines are in one panel, whatever numbers their names have."""
+    few = run.isel(joint=[0, 1, 2, 3])
+    assert len({str(name).rpartition(".")[2] for name in few.joint.values}) > 1
+    _, axes = plot.reactions(few)
+    assert len(axes) == 1 and len(axes[0, 0].get_lines()) == 8      # and their peaks
+
+
+def test_a_constant_line_lies_below_the_edge(run):
+    """Of a force that hardly changes the whole line is seen."""
+    even = run.isel(joint=[0]).copy(deep=True)
+    even["reaction"] = even.reaction.isel(sample=[0] * even.sizes["sample"]).copy(data=np.ones(even.reaction.shape))
+    _, axes = plot.reactions(even)
+    low, high = axes[0, 0].get_ylim()
+    assert low == 0.0 and high == pytest.approx(1.05 * np.sqrt(3))
+
+
+def test_errors_of_rounding_alone_have_whole_decades():
+    """A study in which every solver is exact: no ticks between 1.18e-15 and 1.3e-15."""
+    rows = {"analysis": ["inverse"] * 2, "method": ["elimination", "dense"], "seconds": [1e-6, 2e-6], "error": [1.18e-15, 1.3e-15]}
+    _, axes = plot.study(xr.Dataset({name: ("row", values) for name, values in rows.items()}))
+    low, high = axes[0].get_ylim()
+    assert (low, high) == (pytest.approx(1e-15), pytest.approx(1e-14))
 
 
 def test_rounding_of_zero_is_no_reaction(run):

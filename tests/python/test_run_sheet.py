@@ -17,7 +17,7 @@ import linkdyn
 import linkdyn.plot as plot
 from linkdyn._drawing.lines import _apart, spread_names
 from linkdyn._commands.new import kinds
-from linkdyn._sheets import pdf
+from linkdyn._sheets import pdf, run_sheet
 from linkdyn._sheets.sheet import sheet_page
 from sheet_file import column, number, read
 
@@ -464,3 +464,13 @@ def test_a_motor_at_its_limit_has_no_margin():
     motors = next(table for table in page.tables if table.title == "Motors")
     margin = next(k for k, head in enumerate(motors.head) if head.startswith("least\nmargin"))
     assert motors.rows[0][margin].text == "0" and not any(table.title == "Warnings" for table in page.tables)
+
+
+def test_a_row_of_a_drive_has_one_unit():
+    """Highest, lowest and rms of one force stand in one unit, whatever their sizes: -3761 N stood beside -16.64 kN."""
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    run = scene.inverse()
+    force = run.driving_force.copy(data=np.linspace(-16640.0, -3.761, run.driving_force.size).reshape(run.driving_force.shape))
+    (table,) = run_sheet._drives(run.assign(driving_force=force), scene)
+    units = {head.rpartition("\n")[2] for head in table.head if head.startswith(("highest", "lowest", "rms\n[kN", "rms\n[N"))}
+    assert len(units) == 1 and sum(head.startswith(("highest", "lowest", "rms\n[k")) for head in table.head) >= 3

@@ -13,7 +13,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-__all__ = ["good_samples", "mean", "power_mean", "rms", "shares"]
+from ..errors import InputError
+
+__all__ = ["good_samples", "mean", "need_order", "power_mean", "rms", "shares"]
 
 Values = NDArray[np.float64]
 
@@ -21,6 +23,16 @@ Values = NDArray[np.float64]
 def good_samples(run: xr.Dataset) -> NDArray[np.bool_]:
     """(N,) which samples did not fail."""
     return run.status.values == 0 if "status" in run else np.ones(run.sizes["sample"], dtype=bool)
+
+
+def need_order(run: xr.Dataset, caller: str) -> None:
+    """Refuse instants that go back: a cycle, a film and a sheet follow a motion from sample to sample."""
+    if "time" not in run.coords:
+        return
+    times = run.time.values
+    if (back := np.flatnonzero(np.diff(times) < 0)).size:
+        k = int(back[0])
+        raise InputError(f"{caller}: the instants of the run go back, {times[k + 1]:g} s follows {times[k]:g} s (expected increasing ones)")
 
 
 def shares(run: xr.Dataset) -> Values:

@@ -13,7 +13,7 @@ from .._arguments import as_known, as_number, as_positive, quoted
 from .._geometry.turns import turned_on
 from ..errors import InputError
 from ..results import need_result
-from .averages import good_samples, rms, shares
+from .averages import good_samples, need_order, rms, shares
 
 __all__ = ["duty_cycle", "energy", "flywheel"]
 
@@ -38,7 +38,7 @@ def energy(run: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     InputError
-        The run has no power or no time, or samples failed.
+        The run has no power or no time, its instants go back, or samples failed.
     """
     time = _clock(run, "driving_power", "energy")
     each = run.driving_power.values
@@ -184,6 +184,7 @@ def _clock(run: xr.Dataset, quantity: str, caller: str) -> Values:
     need_result(run, quantity, caller)
     if "time" not in run.coords or run.sizes["sample"] < 2:
         raise InputError(f"{caller}: the run has no instants to integrate over (expected a run along a motion)")
+    need_order(run, caller)
     if n := int((~good_samples(run)).sum()):
         raise InputError(f"{caller}: {n} sample{'s' if n > 1 else ''} failed (expected a run of which all can be computed)")
     times: Values = run.time.values

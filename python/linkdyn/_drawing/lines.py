@@ -127,7 +127,7 @@ def draw_lines(
     axis.grid(True, color="0.9", linewidth=0.6)
     axis.spines[["top", "right"]].set_visible(False)
     if from_zero:
-        axis.set_ylim(bottom=0.0)
+        axis.set_ylim(0.0, 1.05 * sizes[worst] or None)     # what is all but constant lies below the edge, too
     _write_beside(axis, labels)
 
 

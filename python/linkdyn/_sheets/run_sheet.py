@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .._cycle.averages import good_samples, rms, shares
+from .._cycle.averages import good_samples, need_order, rms, shares
 from .._cycle.energy import energy
 from .._drawing.forces import borne
 from .._drawing.style import plain_units, readable
@@ -46,10 +46,11 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     Raises
     ------
     InputError
-        The run has neither driving forces nor reactions.
+        The run has neither driving forces nor reactions, or its instants go back.
     """
     if "driving_force" not in run and "reaction" not in run:
         raise InputError("sheet: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or all)")
+    need_order(run, "sheet")
     scene = scene if scene is not None else _kept(run)
     page = Page(printable(str(run.attrs.get("title") or "Run")))
     page.lines = _facts(run)
@@ -127,13 +128,8 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
         columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
 
     force = run.driving_force.values[:, chosen]
-    (high, high_at), (low, low_at) = _peak(force, 1), _peak(force, -1)
     words = ("highest\ntorque", "lowest\ntorque") if unit == "N m" else ("highest\nforce", "lowest\nforce")
-    add([words[0]], [high], unit)
-    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in high_at]))
-    add([words[1]], [low], unit)
-    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in low_at]))
-    add(["rms"], [np.atleast_1d(rms(force, weights))], unit)
+    columns += _with_places(run, unit, {words[0]: _peak(force, 1), words[1]: _peak(force, -1), "rms": (np.atleast_1d(rms(force, weights)), None)})
     length = "rad" if unit == "N m" else "m"
     if scene is not None and "joint_variable" in run:
         path = np.stack([_path(run, scene, str(run.actuator.values[k])) for k in chosen], axis=1)
@@ -154,6 +150,17 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
     return Table("Drives", ["drive", *(head for head, _ in columns)], rows, wide=(0, *words_at))
 
 
+def _with_places(run: xr.Dataset, unit: str, columns: dict[str, tuple[Values, Any]]) -> list[tuple[str, list[Cell]]]:
+    """Columns of one quantity in one unit, those that have samples with their places behind them."""
+    factor, word = readable(unit, max(float(np.nanmax(np.abs(values), initial=0.0)) for values, _ in columns.values()))
+    found: list[tuple[str, list[Cell]]] = []
+    for head, (values, at) in columns.items():
+        found.append((f"{head}\n[{word}]", [cell_of(x, factor) for x in values]))
+        if at is not None:
+            found.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in at]))
+    return found
+
+
 def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
     """What the motors behind gears and screws have to give."""
     if "motor_torque" not in run:
@@ -166,10 +173,7 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
         columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
 
     torque, speed, power = (run[name].values for name in ("motor_torque", "motor_speed", "motor_power"))
-    peak, at = _peak(np.abs(torque), 1)
-    add(["peak\ntorque"], [peak], "N m")
-    columns.append(("at", [Cell(place_of(run, k)) if k >= 0 else Cell(NONE) for k in at]))
-    add(["rms\ntorque"], [np.atleast_1d(rms(torque, weights))], "N m")
+    columns += _with_places(run, "N m", {"peak\ntorque": _peak(np.abs(torque), 1), "rms\ntorque": (np.atleast_1d(rms(torque, weights)), None)})
     add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0] * 30 / np.pi], "rpm")  # as data sheets have it
     add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
     if "motor_current" in run:

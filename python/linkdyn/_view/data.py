@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from .._cycle.averages import need_order
 from .._drawing.forces import Forces, find_forces
 from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
@@ -103,6 +104,7 @@ def describe(
     meshes
         Link to STL file, in the link's axes, and the unit of its coordinates [m].
     """
+    need_order(run, "view")
     kept = np.unique(np.round(np.linspace(0, run.sizes["sample"] - 1, min(MOST_FRAMES, run.sizes["sample"]))).astype(int))
     frames = run.isel(sample=kept)
     poses = poses_of(scene, run)
