@@ -1025,6 +1025,9 @@ class Builder:
     # -------------------------------------------------------------------------------------------------------------- inside
     def _add(self, table: str, keys: Mapping[str, Any]) -> Table:
         """Another ``[[table]]`` of the arguments of the method that asks."""
+        if isinstance(taken := keys.get("joint"), Link):
+            hint = f"link={taken.name}" if "link" in keys else "one of its joints"
+            raise SceneError(f"{table}: joint: {taken.name!r} is a link, no joint (expected {hint})")
         entries = self._content.setdefault(table, [])
         self._places[table, len(entries)] = _caller()
         entries.append(table_of(_without(keys)))

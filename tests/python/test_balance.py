@@ -12,6 +12,7 @@ from matplotlib import pyplot
 from scipy import optimize
 
 import linkdyn
+from linkdyn._commands.balance import told
 from machines import engine
 
 
@@ -157,6 +158,10 @@ def test_half_a_cycle_has_no_harmonics():
     half = scene.with_({"time.end": 0.37})
     with pytest.raises(linkdyn.InputError, match="does not end as it begins"):
         half.balance(minimise="harmonics")
+    found = half.balance()
+    assert list(found.figures.index) == ["peak", "rms"] and "no closed cycle" in told(found)
+    whole = scene.balance()
+    assert "harmonic 1" in whole.figures.index and "no closed cycle" not in told(whole)
 
 
 def command(*words, folder):

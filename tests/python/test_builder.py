@@ -348,3 +348,13 @@ def test_files_are_as_people_write_them():
     text = as_toml(content)
     assert tomllib.loads(text) == content
     assert max(len(line) for line in text.splitlines()) < 400 and "[[link]]\nname = \"a\"\nmarkers.M0 = { at = [0.1, 0.2, 0], axis = [0.0, 0, 1] }" in text
+
+
+def test_a_link_is_no_joint():
+    """A link where a joint is wanted is told at once, with the key that takes it."""
+    b = Builder("cam", "planar")
+    cam = b.link("cam", mass=1, markers={"A": (0, 0)})
+    with pytest.raises(linkdyn.SceneError, match="^coordinate: joint: 'cam' is a link, no joint .expected link=cam"):
+        b.coordinate(cam)
+    with pytest.raises(linkdyn.SceneError, match="^actuator: joint: 'cam' is a link, no joint .expected one of its joints"):
+        b.actuator(cam)

@@ -864,6 +864,16 @@ def test_what_urdf_has_no_place_for(tmp_path):
     }  # fmt: skip
 
 
+def test_limits_of_drives_are_told(tmp_path):
+    """Effort and velocity of a URDF, a cylinder's areas and valve on the way to MJCF: they vanished without a word."""
+    path = tmp_path / "limits.urdf"
+    path.write_text(LOST.replace('<axis xyz="0 0 1"/></joint>', '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="87" velocity="2.5"/></joint>', 1))
+    found = linkdyn.convert(path).left_out
+    assert "joint 'A': effort up to 87 N m and velocity up to 2.5 rad/s (limits of an actuator's drive, or of a [sweep], say it)" in found
+    crane = Path(__file__).parents[2] / "examples" / "loader_crane" / "scene.toml"
+    assert "cylinder(s) of 1 actuator(s): areas, pressures, valves" in linkdyn.convert(linkdyn.load(crane)).left_out
+
+
 def test_names_that_a_scene_does_not_take_are_told(tmp_path):
     """Bodies were, joints were not: what drives them and their results bear the new name."""
     path = tmp_path / "odd.urdf"

@@ -474,3 +474,19 @@ def test_a_row_of_a_drive_has_one_unit():
     (table,) = run_sheet._drives(run.assign(driving_force=force), scene)
     units = {head.rpartition("\n")[2] for head in table.head if head.startswith(("highest", "lowest", "rms\n[kN", "rms\n[N"))}
     assert len(units) == 1 and sum(head.startswith(("highest", "lowest", "rms\n[k")) for head in table.head) >= 3
+
+
+def test_a_slot_stands_once():
+    """The pin of a slot, a joint of its own within, bears what the slot bears: one row."""
+    table = run_sheet._joints(linkdyn.new("quick-return").inverse())
+    names = [row[0].text for row in table.rows]
+    assert "slot" in names and "slot.pin" not in names
+
+
+def test_the_head_says_from_where_all_is_seen():
+    """On a ship places and speeds are as seen from the deck."""
+    scene = linkdyn.load(EXAMPLES / "ship_hexapod" / "scene.toml")
+    run = scene.inverse(t=[0.0, 0.1])
+    assert any("seen from it" in line for line in run_sheet._facts(run, scene))
+    still = linkdyn.new("four-bar")
+    assert not any("seen from it" in line for line in run_sheet._facts(still.inverse(t=[0.0, 0.1]), still))

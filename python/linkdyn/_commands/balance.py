@@ -77,6 +77,8 @@ def told(found: Balance) -> str:
     for name, row in found.figures.iterrows():
         values = (0.0 if abs(value) < 1e-12 * largest else value for value in (row.before, row.after))     # rounding
         lines.append(f"  {name:<20}" + "".join(f"{value:14.6g}" for value in values))
+    if not found.is_cycle:
+        lines.append("  no closed cycle: the motion does not end as it begins, and has no harmonics (expected [time] to be one cycle)")
     if found.above_least > 0:
         lines.append(f"  the peak is at most {100 * found.above_least:.2g} % above the least there is")
     return "\n".join(lines)

@@ -310,6 +310,8 @@ class _Writer:
             self.left_out.append(f"law(s) of {n} actuator(s): MuJoCo takes forces from its controls")
         if n := sum(bool(set(part.get("drive", {})) & set(LOSSES)) for part in content.get("actuator", [])):
             self.left_out.append(f"efficiency, brake or limits of {n} actuator(s)")
+        if n := len(self.scene.description["cylinders"]):
+            self.left_out.append(f"cylinder(s) of {n} actuator(s): areas, pressures, valves")
         if any(_has_rate(part.get("start")) for part in content.get("coordinate", [])):
             self.left_out.append("velocities of the start: the file has its pose")
         if any("motion" in part for part in content.get("coordinate", [])):

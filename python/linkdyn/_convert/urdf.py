@@ -169,11 +169,17 @@ class _Reader:
         return 0.0
 
     def _tell_bounds(self, joint: Element, kind: str) -> None:
-        """Its range."""
+        """Its range, and what its drive may do at most."""
         name, limit = joint.get("name", ""), joint.find("limit")
-        if limit is not None and joint.get("type") != "continuous" and (limit.get("lower") or limit.get("upper")):
-            unit = "rad" if kind == "hinge" else "m"
-            self.left_out.append(f"joint '{name}': range {limit.get('lower', '0')} to {limit.get('upper', '0')} {unit} (a [[stop]] says it)")
+        if limit is None:
+            return
+        is_hinge = kind == "hinge"
+        if joint.get("type") != "continuous" and (limit.get("lower") or limit.get("upper")):
+            self.left_out.append(f"joint '{name}': range {limit.get('lower', '0')} to {limit.get('upper', '0')} {'rad' if is_hinge else 'm'} (a [[stop]] says it)")
+        most = [(word, limit.get(key), unit) for word, key, unit in (
+            ("effort", "effort", "N m" if is_hinge else "N"), ("velocity", "velocity", "rad/s" if is_hinge else "m/s"))]
+        if told := " and ".join(f"{word} up to {value} {unit}" for word, value, unit in most if value and float(value) != 0):
+            self.left_out.append(f"joint '{name}': {told} (limits of an actuator's drive, or of a [sweep], say it)")
 
     def _couplings(self, robot: Robot) -> list[Coupling]:
         """Joints that mimic others."""

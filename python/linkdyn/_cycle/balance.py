@@ -62,6 +62,8 @@ class Balance:
     goal: str
     above_least: float
     """By which part the peak may be above the least one there is; 0 of what is found in closed form."""
+    is_cycle: bool = True
+    """Does the force end as it begins? Else the motion has no harmonics."""
 
     def __repr__(self) -> str:
         weights = ", ".join(f"{link} {size:.3g} kg m" for link, size in self.counterweights.moment.items())
@@ -83,7 +85,7 @@ class Balance:
 
     @property
     def figures(self) -> pd.DataFrame:
-        """Peak and rms value of the force, and its first six harmonics a turn of the crank [N], ``before`` and ``after``.
+        """Peak and rms value of the force, and of a closed cycle its first six harmonics a turn of the crank [N], ``before`` and ``after``.
 
         A harmonic is the root of the sum of the squares of its components' amplitudes."""
         import pandas as pd
@@ -92,9 +94,11 @@ class Balance:
         for column, force in (("before", self.before), ("after", self.after)):
             sizes = np.linalg.norm(force, axis=1)
             found = {"peak": sizes.max(), "rms": float(rms(sizes, self.weights))}
-            waves = _waves(self.time, range(1, 7), self.turns)
-            amplitudes = 2 * np.linalg.norm(np.einsum("hn,nk->hk", waves, force), axis=1)
-            rows[column] = found | {f"harmonic {h}": value for h, value in enumerate(amplitudes, start=1)}
+            if self.is_cycle:
+                waves = _waves(self.time, range(1, 7), self.turns)
+                amplitudes = 2 * np.linalg.norm(np.einsum("hn,nk->hk", waves, force), axis=1)
+                found |= {f"harmonic {h}": value for h, value in enumerate(amplitudes, start=1)}
+            rows[column] = found
         return pd.DataFrame(rows)
 
     def with_counterweights(self, radius: dict[str, float]) -> Scene:
@@ -193,7 +197,7 @@ def balance(
     moment = np.stack([plane.T @ moments[2 * i : 2 * i + 2] for i, plane in enumerate(planes)]) + 0.0    # no -0, whose angle is -180 degrees
     after = before + effect @ moments
     pivots = np.stack([hinged[name][1] for name in chosen])
-    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, weights, turns, goal, above)
+    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, weights, turns, goal, above, _is_closed(before))
 
 
 def _orders(harmonics: Any) -> list[int]:
@@ -269,7 +273,7 @@ def _smallest(rows: Vectors, right: Vectors, scale: float) -> Vectors:
 
 
 def _least_harmonics(time: Vectors, force: Vectors, effect: Vectors, orders: Sequence[int], turns: int) -> Vectors:
-    if np.abs(force[-1] - force[0]).max() > CLOSED * np.abs(force).max():
+    if not _is_closed(force):
         raise InputError("balance: harmonics: the motion does not end as it begins (expected [time] to be one cycle)")
     if 2 * max(orders) * turns >= len(time) - 1:
         raise InputError(f"balance: harmonics: {max(orders)} waves a turn are too many for {len(time)} samples (expected fewer, or more [time] samples)")
@@ -278,6 +282,11 @@ def _least_harmonics(time: Vectors, force: Vectors, effect: Vectors, orders: Seq
     rows = np.einsum("hn,nkm->hkm", waves, effect).reshape(-1, effect.shape[2])
     whole = float(np.sqrt((effect**2).sum() / len(effect)))
     return _smallest(rows, -(waves @ force).reshape(-1), whole)
+
+
+def _is_closed(force: Vectors) -> bool:
+    """Does a cycle end as it begins?"""
+    return bool(np.abs(force[-1] - force[0]).max() <= CLOSED * np.abs(force).max())
 
 
 def _waves(time: Vectors, orders: Iterable[int], turns: int) -> NDArray[np.complex128]:

@@ -53,7 +53,7 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     need_order(run, "sheet")
     scene = scene if scene is not None else _kept(run)
     page = Page(printable(str(run.attrs.get("title") or "Run")))
-    page.lines = _facts(run)
+    page.lines = _facts(run, scene)
     limits = _bounded(run, scene)
     page.tables = [
         table
@@ -76,14 +76,15 @@ def _kept(run: xr.Dataset) -> Scene | None:
 
 # ---------------------------------------------------------------- head
 
-def _facts(run: xr.Dataset) -> list[str]:
+def _facts(run: xr.Dataset, scene: Scene | None) -> list[str]:
     n = run.sizes["sample"]
     line = f"{count_words(n)} sample{'s' if n != 1 else ''}"
     if "time" in run.coords and n:
         line += f", {float(run.time[0]):g} s to {float(run.time[-1]):g} s"
     if "method" in run.attrs:
         line += f", forward dynamics by {run.attrs['method']}"
-    return [line, provenance(run)]
+    frame = ["The frame moves: places, speeds and directions are as seen from it."] if scene is not None and scene.description["frame_moves"] else []
+    return [line, *frame, provenance(run)]
 
 
 def _notes(run: xr.Dataset) -> list[str]:
@@ -226,9 +227,16 @@ def _joints(run: xr.Dataset) -> Table | None:
         columns.append((f"rms {word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(mean, acts)]))
     if not columns:
         return None
-    rows = [[Cell(str(name)), *(cells[k] for _, cells in columns)] for k, name in enumerate(run.joint.values)]
+    told_by_slot = _told_by_slots(list(map(str, run.joint.values)), values)
+    rows = [[Cell(str(name)), *(cells[k] for _, cells in columns)] for k, name in enumerate(run.joint.values) if str(name) not in told_by_slot]
     return Table("Bearings and guides", ["joint", *(head for head, _ in columns)], rows,
                  wide=(0, *(1 + i for i, (head, _) in enumerate(columns) if head == "at")))
+
+
+def _told_by_slots(names: list[str], loads: Values) -> set[str]:
+    """Pins of slots, called S.pin beside their S: what the slot bears they bear, and it stands there once."""
+    pins = [(k, names.index(name.removesuffix(".pin"))) for k, name in enumerate(names) if name.endswith(".pin") and name.removesuffix(".pin") in names]
+    return {names[pin] for pin, slot in pins if np.allclose(loads[:, pin], loads[:, slot], rtol=ROUNDING, atol=ROUNDING * np.nanmax(np.abs(loads)), equal_nan=True)}
 
 
 def _transmission(run: xr.Dataset) -> Table | None:
