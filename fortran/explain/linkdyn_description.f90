@@ -438,7 +438,8 @@ contains
             text = "{"//pair("name", string(actuator%name))//","//pair("head_area", number(cylinder%area(1)))//"," &
                    //pair("rod_area", number(cylinder%area(2)))//","//pair("retracted", number(cylinder%stroke(1)))//"," &
                    //pair("extended", number(cylinder%stroke(2)))//","//pair("supply", number(cylinder%supply))//"," &
-                   //pair("tank", number(cylinder%tank))//"," &
+                   //pair("tank", number(cylinder%tank))//","//pair("dead_volumes", numbers(cylinder%dead_volume))//"," &
+                   //pair("has_gas", logical_value(cylinder%has_gas))//","//pair("exponent", number(cylinder%exponent))//"," &
                    //pair("has_states", logical_value(actuator%law%side == side_opening))//"}"
         end associate
     end function cylinder_object

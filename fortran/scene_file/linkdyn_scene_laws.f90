@@ -186,15 +186,33 @@ contains
         type(table_reading), intent(out) :: reading
         type(status_type), intent(inout) :: status
         character(len=:), allocatable :: text
-        logical :: found
+        logical :: found, names_time
 
         reading%interpolation = interpolation
-        call get_text(place, "time", text, status, found)
-        if (found) reading%time = text
+        call get_text(place, "time", text, status, names_time)
+        if (names_time) reading%time = text
         call get_word(place, "interpolation", [character(len=6) :: "spline", "linear"], reading%interpolation, status, found)
         call get_text(place, "table", text, status)
         if (status%is_ok()) call take_table(place, text, shelf, reading%table, status)
+        if (status%is_ok() .and. .not. names_time) reading%time = usual_time(shelf%place(reading%table)%table, reading%time)
     end subroutine read_table_keys
+
+    !> The column of the instants where none is named: the usual one, or that which results and other programs have.
+    pure function usual_time(table, usual) result(name)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: usual
+        character(len=len(usual)) :: name
+        character(len=4), parameter :: other(3) = ["time", "Time", "TIME"]
+        integer :: i
+
+        name = usual
+        if (any(table%column == usual)) return
+        do i = 1, size(other)
+            if (.not. any(table%column == other(i))) cycle
+            name = other(i)
+            return
+        end do
+    end function usual_time
 
     !> Read a file unless it was read before.
     subroutine take_table(place, file, shelf, i, status)

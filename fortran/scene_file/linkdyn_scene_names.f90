@@ -113,9 +113,26 @@ contains
             if (scene%joint(i)%name == name) joint = i
         end do
         if (joint == no_index) call refuse_value(place, its_key, place%node%get(its_key), "= "//quoted(name)// &
-            ": there is no such joint (expected the name of a joint)" &
-            //suggestion(name, (scene%joint(:n_holding(scene))%name)), status)
+            ": there is no such joint (expected the name of a joint)"//nearest_joint(name, scene%joint(:n_holding(scene))%name), &
+            status)
     end subroutine find_joint
+
+    !> The joints of a chain of that name, else the name that is nearest.
+    function nearest_joint(name, names) result(hint)
+        character(len=*), intent(in) :: name, names(:)
+        character(len=:), allocatable :: hint
+        integer :: i
+
+        hint = ""
+        do i = 1, size(names)
+            if (index(names(i), trim(name)//".") == 1) hint = hint//", "//quoted(names(i))
+        end do
+        if (hint == "") then
+            hint = suggestion(name, names)
+        else
+            hint = "; "//quoted(name)//" is a chain with the joints "//hint(3:)
+        end if
+    end function nearest_joint
 
     !> The variable of a joint that the key `variable` names; a joint with one needs no key.
     subroutine find_variable(scene, place, joint, variable, status, key)

@@ -358,3 +358,11 @@ def test_a_link_is_no_joint():
         b.coordinate(cam)
     with pytest.raises(linkdyn.SceneError, match="^actuator: joint: 'cam' is a link, no joint .expected one of its joints"):
         b.actuator(cam)
+
+
+def test_a_chain_is_no_joint():
+    """Of a chain where a joint is wanted the joints are told: `air` has `air.P`."""
+    content = tomllib.loads((ROOT / "python" / "linkdyn" / "_scenes" / "excavator.toml").read_text())
+    content["coordinate"][0]["joint"] = "cylinder1"
+    with pytest.raises(linkdyn.SceneError, match="no such joint .*'cylinder1' is a chain with the joints .*'cylinder1.P'"):
+        linkdyn.Scene(content)

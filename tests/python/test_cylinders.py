@@ -10,6 +10,7 @@ import linkdyn
 import numpy as np
 import pytest
 from linkdyn import cycle, efforts
+from linkdyn._cycle import gas
 from scipy.integrate import solve_ivp
 
 pytestmark = pytest.mark.accuracy
@@ -408,3 +409,59 @@ def test_frequency_of_gas() -> None:
     omega = math.sqrt(1.3 * np.sum(pressures * np.square(area) / volumes) / 20)
     # amplitude a of some um: of second order are a^2/length of gas
     np.testing.assert_allclose(run.q.values[:, 0], 0.1 + 1e-4 / omega * np.sin(omega * run.time.values), rtol=0, atol=2e-4 * 1e-4 / omega)
+
+
+def test_gas_flows_are_told_in_one_volume() -> None:
+    """A piston that goes at a constant speed against a spring: what is asked for by hand, in the volume at 1 bar, filling included."""
+    bore, speed, stiffness, exponent = 0.05, 0.2, 4000.0, 1.3
+    scene = linkdyn.Scene({
+        "space": "planar", "frame": {"markers": {"A": {"at": [0, 0], "axis": [1, 0]}}},
+        "link": [{"name": "piston", "markers": {"A": {"at": [0, 0], "axis": [1, 0]}}, "mass": 2}],
+        "joint": [{"name": "A", "type": "prismatic", "between": ["frame.A", "piston.A"]}],
+        "coordinate": [{"joint": "A", "motion": {"law": "constant-rate", "start": 0.05, "rate": speed}}],
+        "spring": [{"name": "back", "joint": "A", "stiffness": stiffness}],
+        "actuator": [{"joint": "A", "cylinder": {
+            "bore": bore, "stroke": [0, 0.4], "dead_volumes": [5e-5, 5e-5], "gas": {"exponent": exponent}, "supply": 8e5, "tank": 0,
+            "valve": {"conductance": 2e-8, "critical_ratio": 0.3}}}],
+        "time": {"end": 1.0, "samples": 41},
+    })  # fmt: skip
+    run = scene.inverse()
+    found = run.linkdyn.cylinder("A")
+    area = np.pi / 4 * bore**2
+    s = 0.05 + speed * run.time.values
+    pressure = 101325 + stiffness * s / area
+    flow = (pressure * area * speed + (5e-5 + area * s) * stiffness * speed / area / exponent) / 1e5
+    np.testing.assert_allclose(found.head_flow, flow, rtol=1e-9)
+    np.testing.assert_allclose(found.rod_flow, -101325 * area * speed / 1e5, rtol=1e-9)
+    np.testing.assert_allclose(found.hydraulic_power, 1e5 * flow * np.log(pressure / 101325), rtol=1e-9)
+    assert found.attrs["has_gas"] == 1 and "at 1 bar" in found.head_flow.attrs["long_name"] and found.peak_flow > 3 * area * speed
+    unknown = scene.inverse(q=run.q.values).linkdyn.cylinder("A", scene=scene)      # poses on their own do not tell how pressures change
+    assert np.isnan(unknown.head_flow).all() and not np.isnan(unknown.head_pressure).any()
+
+
+def test_gas_flows_are_those_of_a_forward_run_with_such_pressures() -> None:
+    """Through the valve flows what fills the chambers, by the formula of inverse runs."""
+    scene = mass_on_cylinder_of_gas()
+    run = scene.forward(t=np.linspace(0.0, 0.5, 201))
+    own = scene.description["cylinders"][0]
+    areas, stroke = (own["head_area"], own["rod_area"]), (own["retracted"], own["extended"])
+    volumes = gas.chamber_volumes(run.q.values[:, 0], areas, stroke, own["dead_volumes"])
+    for k, (volume, side) in enumerate(zip(volumes, (areas[0], -areas[1]))):
+        pressure, flow = run.cylinder_pressure.values[:, 0, k], run.cylinder_flow.values[:, 0, k]
+        found = gas.filling_flow(pressure, np.gradient(pressure, run.time.values, edge_order=2), volume, side * run.qd.values[:, 0], own["exponent"])
+        np.testing.assert_allclose(found[20:-20], flow[20:-20], rtol=0, atol=2e-3 * np.abs(flow).max())
+
+
+def mass_on_cylinder_of_gas() -> linkdyn.Scene:
+    """40 kg on a slide, against 600 N and 3 kN s/m."""
+    b = linkdyn.Builder("gas", "planar")
+    piston = b.link("piston", mass="40 kg", markers={"p": (0, 0)})
+    b.prismatic("s", b.frame.marker("g", (0, 0)), piston["p"])
+    b.coordinate("s", start="10 mm")
+    b.measure("v", joint="s", rate=True)
+    b.load(piston["p"], force=("-600 N", 0))
+    b.load(piston["p"], force=("-3000 N*s/m*v", 0))
+    b.actuator("s", law={"type": "valve", "value": 0.1}, cylinder={
+        "bore": "50 mm", "rod": "20 mm", "stroke": (0, "0.4 m"), "dead_volumes": ("0.05 litre", "0.05 litre"), "gas": {"exponent": 1.3},
+        "supply": "6 bar", "valve": {"conductance": "2 litre/s/bar", "critical_ratio": 0.3}})  # fmt: skip
+    return b.scene()

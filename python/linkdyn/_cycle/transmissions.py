@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..results import need_result
 from ..scene import Scene
 from .averages import good_samples, mean, rms, shares
+from .gas import REFERENCE_WORDS, chamber_volumes, filling_flow, flow_power
 
 __all__ = ["beyond_supply", "cylinder", "motor", "slide_beyond", "slide_of"]
 
@@ -135,6 +136,11 @@ def cylinder(
     Where a forward run has the cylinder's pressures as states, ``cylinder_pressure``, they are these, and flows are those through its valve. Else the side that
     does not push stands under the tank's pressure; so the other has what the force asks for, which is the least.
 
+    Flows of oil are the volumes that the piston sweeps. Flows of gas (``gas`` of the scene's cylinder) are told in the volume at 1 bar, by which valves and
+    compressors are chosen, in every run: p_r Q = p A v + V p'/n with the absolute pressure p, its rate by differences of fourth order over the samples. Without
+    instants, or the joint variables, they are not known. Its power is the air power, p_r Q ln(p/p_tank) (Cai, Kawashima, Kagawa, J. Fluids Eng. 128 (2006) 402-405):
+    the work that the gas could do on its way to the tank's pressure, at one temperature.
+
     Parameters
     ----------
     run
@@ -158,7 +164,8 @@ def cylinder(
         Along the run ``head_pressure``, ``rod_pressure`` [Pa], ``head_flow``, ``rod_flow`` [m^3/s] into the sides without and with the rod, ``hydraulic_power`` [W] of
         both, above the tank's pressure. Of the whole ``peak_pressure`` [Pa], ``peak_flow``, ``mean_flow`` [m^3/s] out of the supply, ``stroke`` [m]
         and ``stroke_volume`` [m^3] where the joint variables are among the results. ``attrs["above_supply"]``: samples beyond the supply; ``attrs["beyond_stroke"]``: samples
-        with the slide beyond the ends of the scene's cylinder; ``attrs["pressures_found"]``: 1 where the pressures are states of the run.
+        with the slide beyond the ends of the scene's cylinder; ``attrs["pressures_found"]``: 1 where the pressures are states of the run;
+        ``attrs["has_gas"]``: 1 where flows are in the volume that the gas has at 1 bar.
 
     Raises
     ------
@@ -171,10 +178,13 @@ def cylinder(
         if own is None:
             raise InputError(f"cylinder: the scene has no cylinder at {actuator!r} (expected bore=, rod=)")
         areas, stroke = (own["head_area"], own["rod_area"]), (own["retracted"], own["extended"])
-        if "cylinder_pressure" in run and actuator in run["cylinder"].values:
-            return _figures(run, actuator, _states(run, actuator), areas, own["supply"], own["tank"], stroke, is_found=True)
-        sides = _asked(run, actuator, areas, own["tank"], 1 if stroke[1] > stroke[0] else -1)
-        return _figures(run, actuator, sides, areas, own["supply"], own["tank"], stroke)
+        if is_found := "cylinder_pressure" in run and actuator in run["cylinder"].values:
+            sides = _states(run, actuator)
+        else:
+            sides = _asked(run, actuator, areas, own["tank"], 1 if stroke[1] > stroke[0] else -1)
+            if own["has_gas"]:
+                sides = _filled(run, actuator, sides, areas, stroke, own)
+        return _figures(run, actuator, sides, areas, own["supply"], own["tank"], stroke, is_found, own["has_gas"])
     bore = as_positive("cylinder: bore", bore)
     rod = as_number("cylinder: rod", rod)
     if not 0 <= rod < bore:
@@ -234,6 +244,17 @@ def _asked(run: xr.Dataset, actuator: str, areas: tuple[float, float], tank: flo
     return _Sides(head, ring, head_area * speed, -rod_area * speed)
 
 
+def _filled(run: xr.Dataset, actuator: str, sides: _Sides, areas: tuple[float, float], stroke: tuple[float, float], own: dict[str, Any]) -> _Sides:
+    """The same of gas: what fills the chambers, where the samples tell how fast their pressures change."""
+    slide = slide_of(run, actuator)
+    if slide is None or "time" not in run.coords or run.sizes["sample"] < 2 or not (np.diff(run.time.values) > 0).all():
+        unknown = np.full(len(sides.head), np.nan)
+        return _Sides(sides.head, sides.ring, unknown, unknown)
+    flows = [filling_flow(pressure, _slope(run.time.values, pressure), volume, swept, own["exponent"]) for pressure, volume, swept in zip(
+        (sides.head, sides.ring), chamber_volumes(slide, areas, stroke, own["dead_volumes"]), (sides.head_flow, sides.rod_flow))]
+    return _Sides(sides.head, sides.ring, *flows)
+
+
 def _states(run: xr.Dataset, actuator: str) -> _Sides:
     """What a forward run has found."""
     pressure, flow = (need_result(run, name, "cylinder").sel(cylinder=actuator) for name in ("cylinder_pressure", "cylinder_flow"))
@@ -242,25 +263,28 @@ def _states(run: xr.Dataset, actuator: str) -> _Sides:
 
 def _figures(
     run: xr.Dataset, actuator: str, sides: _Sides, areas: tuple[float, float], supply: float | None, tank: float,
-    stroke: tuple[float, float] | None = None, is_found: bool = False,
+    stroke: tuple[float, float] | None = None, is_found: bool = False, has_gas: bool = False,
 ) -> xr.Dataset:  # fmt: skip
     """Of both sides along the run, and of the whole."""
     weights, good = shares(run), good_samples(run)
+    both = (sides.head, sides.head_flow), (sides.ring, sides.rod_flow)
+    power = sum(flow_power(pressure, flow, tank) if has_gas else (pressure - tank) * flow for pressure, flow in both)
+    in_volume = f", {REFERENCE_WORDS}" if has_gas else ""
     found = {
         "head_pressure": (sides.head, "Pa", "pressure on the side without the rod"),
         "rod_pressure": (sides.ring, "Pa", "pressure on the side with the rod"),
-        "head_flow": (sides.head_flow, "m3/s", "flow into the side without the rod"),
-        "rod_flow": (sides.rod_flow, "m3/s", "flow into the side with the rod"),
-        "hydraulic_power": ((sides.head - tank) * sides.head_flow + (sides.ring - tank) * sides.rod_flow, "W", "power of the oil or gas that flows in"),
+        "head_flow": (sides.head_flow, "m3/s", f"flow into the side without the rod{in_volume}"),
+        "rod_flow": (sides.rod_flow, "m3/s", f"flow into the side with the rod{in_volume}"),
+        "hydraulic_power": (power, "W", "power of the gas that flows in" if has_gas else "power of the oil that flows in"),
     }
     pressure = np.maximum(sides.head, sides.ring)
     drawn = np.maximum(np.maximum(sides.head_flow, sides.rod_flow), 0.0)
     whole = {
         "peak_pressure": (_peak(pressure, good), "Pa", "largest pressure"),
-        "peak_flow": (_peak(drawn, good), "m3/s", "largest flow out of the supply"),
-        "mean_flow": (mean(drawn, weights), "m3/s", "mean flow out of the supply"),
+        "peak_flow": (_peak(drawn, good), "m3/s", f"largest flow out of the supply{in_volume}"),
+        "mean_flow": (mean(drawn, weights), "m3/s", f"mean flow out of the supply{in_volume}"),
     }
-    attributes = {"actuator": actuator, "above_supply": 0, "beyond_stroke": 0, "pressures_found": int(is_found)}
+    attributes = {"actuator": actuator, "above_supply": 0, "beyond_stroke": 0, "pressures_found": int(is_found), "has_gas": int(has_gas)}
     if supply is not None:
         attributes["above_supply"] = int(np.count_nonzero(beyond_supply(pressure[good], as_positive("cylinder: supply", supply))))
     slide = slide_of(run, actuator)

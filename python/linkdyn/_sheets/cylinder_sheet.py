@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from .._cycle.gas import REFERENCE_WORDS
 from .._cycle.transmissions import beyond_supply, cylinder, slide_beyond, slide_of
 from .._drawing.style import readable
 from ..scene import Scene
@@ -81,6 +82,8 @@ def cylinders_table(run: xr.Dataset, scene: Scene | None) -> Table | None:
     columns += _strokes(asked)
     rows = [[Cell(demand.name), *(cells[i] for _, cells in columns)] for i, demand in enumerate(asked)]
     note = "Flow out of the supply, power of the oil or gas above the tank's pressure."
+    if any(demand.found.attrs["has_gas"] for demand in asked):
+        note += f" Flow of gas is told {REFERENCE_WORDS}."
     if not all(demand.found.attrs["pressures_found"] for demand in asked):
         note = "Pressures are the least that give the force: the other side is at the tank's. " + note
     return Table("Cylinders", ["cylinder at", *(head for head, _ in columns)], rows, note,
