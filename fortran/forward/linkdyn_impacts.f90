@@ -92,34 +92,34 @@ contains
         logical, intent(out) :: gives_way(:)           !! a stop onto which locks press what is driven
         real(wp), parameter :: none = 1.0e-10_wp       !! of a speed or response: rounding
         real(wp), allocatable :: alone(:), force(:, :), own(:, :), apart(:), push(:), least(:)
-        integer, allocatable :: lock(:), stop(:)
+        integer, allocatable :: lock(:), rest(:)
         integer :: i
 
         lock = pack([(i, i=1, size(locks))], locks)
-        stop = pack([(i, i=1, size(rests))], rests)
-        allocate (force(size(lock), size(stop)), push(size(stop)))
+        rest = pack([(i, i=1, size(rests))], rests)
+        allocate (force(size(lock), size(rest)), push(size(rest)))
         alone = solve_held(response(lock, lock), -rate(lock))
-        do i = 1, size(stop)
-            force(:, i) = solve_held(response(lock, lock), response(lock, stop(i)))
+        do i = 1, size(rest)
+            force(:, i) = solve_held(response(lock, lock), response(lock, rest(i)))
         end do
-        own = response(stop, stop) - matmul(response(stop, lock), force)
-        apart = rate(stop) + matmul(response(stop, lock), alone)
-        do i = 1, size(stop)
-            if (own(i, i) > none*response(stop(i), stop(i))) cycle
+        own = response(rest, rest) - matmul(response(rest, lock), force)
+        apart = rate(rest) + matmul(response(rest, lock), alone)
+        do i = 1, size(rest)
+            if (own(i, i) > none*response(rest(i), rest(i))) cycle
             own(:, i) = 0                              ! what it stops is held by locks
             own(i, :) = 0
         end do
         call solve_complementary(own, apart, push)
         impulse = 0
-        impulse(stop) = push
+        impulse(rest) = push
         impulse(lock) = alone - matmul(force, push)
         apart = apart + matmul(own, push)
         hardest = max(hardest, hardest_slip())
-        least = none*hardest_slip()*[(sqrt(max(response(stop(i), stop(i)), 0.0_wp)), i=1, size(stop))]
+        least = none*hardest_slip()*[(sqrt(max(response(rest(i), rest(i)), 0.0_wp)), i=1, size(rest))]
         opens = .false.
-        opens(stop) = apart > least
+        opens(rest) = apart > least
         gives_way = .false.
-        gives_way(stop) = apart < -least .and. least > 0
+        gives_way(rest) = apart < -least .and. least > 0
 
     contains
 
