@@ -3,7 +3,7 @@
 module test_turns_on_way
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
-    use linkdyn_catalogue, only: result_joint_variable
+    use linkdyn_result_kinds, only: result_joint_variable
     use linkdyn_constants, only: pi
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
