@@ -261,3 +261,41 @@ def test_random_rotors_behind_locks(seed: int) -> None:
     at_once = np.abs(run.event_time.values - 0.01) < 1e-9
     assert lifts <= set(run.event.values[at_once & (run.event_kind.values == RELEASE)])
     assert_energy_is_lost_where_told(run)
+
+
+# ------------------------------------------------------------------------------------------------------------------ joined links in space
+def body_and_lever(kind: str, rise: float) -> dict[str, Any]:
+    """A body that flies by is joined to a lever which a spring presses onto its stop."""
+    start = {"position": [0.3, 0.1, -0.02], "angles": [0.1, 0.2, 0.3], "velocity": [0.4, -0.3, rise], "angular_rates": [0.5, -0.8, 1.0]}
+    lever = {"o": {"at": [0, 0, 0], "axis": [0, -1, 0]}, "t": {"at": [0.3, 0.05, 0], "axis": [0.2, 0.3, 1]}}
+    return {
+        "space": "spatial",
+        "gravity": [0, 0, 0],
+        "frame": {"markers": {"b": {"at": [0, 0, 0], "axis": [0, -1, 0]}}},
+        "link": [
+            {"name": "B", "mass": 1.3, "inertia": [0.05, 0.08, 0.06, 0, 0, 0], "cog": [0.15, 0.01, 0.02], "markers": lever},
+            {"name": "A", "mass": 0.8, "inertia": [0.02, 0.03, 0.015, 0, 0, 0], "markers": {"g": {"at": [0.05, 0, 0.02], "axis": [0, 0.4, 1]}}},
+        ],
+        "joint": [{"name": "b", "type": "revolute", "between": ["frame.b", "B.o"]}],
+        "coordinate": [{"joint": "b", "start": {"position": 0.0}}, {"link": "A", "start": start}],
+        "spring": [{"name": "k", "joint": "b", "stiffness": 2.0, "rest": -0.5}],
+        "clutch": [{"name": "lock", "between": ["B.t", "A.g"], "type": kind, "from": 2e-4}],
+        "stop": [{"name": "s", "joint": "b", "min": 0.0, "restitution": 0.4}],
+    }
+
+
+@pytest.mark.parametrize("kind", ["fixed", "spherical", "revolute", "prismatic", "cylindrical"])
+@pytest.mark.parametrize("rise", [3.0, -3.0])
+def test_links_joined_in_space_lift_or_press(kind: str, rise: float) -> None:
+    """Lifted off, all is as without the stop; pressed onto it, as with a lever that is held."""
+    scene = body_and_lever(kind, rise)
+    t = [0.0, 2e-4, 4e-4]
+    run = linkdyn.Scene(scene).forward(t=t, rtol=1e-12, atol=1e-12)
+    other = {key: value for key, value in scene.items() if key not in ("stop", "spring")}
+    if rise < 0:
+        other = {**other, "clutch": [*scene["clutch"], {"name": "hold", "joint": "b"}]}
+    expected = linkdyn.Scene(other).forward(t=t, rtol=1e-12, atol=1e-12)
+    (close,), (like,) = told(run, "lock", CLOSE), told(expected, "lock", CLOSE)
+    assert run.event_qd_after.values[close] == pytest.approx(expected.event_qd_after.values[like], abs=1e-12)
+    assert len(told(run, "s.min", RELEASE)) == (rise > 0)
+    assert_energy_is_lost_where_told(run)
