@@ -389,12 +389,13 @@ contains
     !> Motors of a mechanism that lose in their gears; friction in its joints hangs on that, and that on it; joints that stick slide.
     subroutine test_lossy(error)
         type(test_error), intent(inout) :: error
-        character(len=*), parameter :: name(3) = [character(len=8) :: "lossy", "rubbing", "sticking"]
+        character(len=*), parameter :: name(3) = &
+            [character(len=24) :: "fivebar_lossy", "rubbing/fivebar", "rubbing/fivebar_sticking"]
         type(model_type), target :: model
         integer :: i
 
         do i = 1, size(name)
-            call load_model(error, "tests/scenes/fivebar_"//trim(name(i)), model)
+            call load_model(error, "tests/scenes/"//trim(name(i)), model)
             if (allocated(error%message)) return
             call check(error, size(model%contact) == merge(0, 5, i == 1), trim(name(i))//": joints rub")
             call check(error, size(model%motor) == 2, trim(name(i))//": motors drive")

@@ -99,4 +99,4 @@ def test_a_folded_loop_is_singular() -> None:
     angles = np.linspace(-3.14159, 3.14159, 20001)[np.r_[7122:7324, 17121:17324], None]
     run = linkdyn.Scene(tomli_w.dumps(bennett())).inverse(q=angles, qd=0 * angles + 1, qdd=0 * angles + 1)
     assert set(np.unique(run.status)) <= {0, 2}
-    assert (run.status == 0).sum() >= 400
+    assert (run.status == 0).sum() >= 399                      # all but the three of either fold within 5e-4 rad of it

@@ -102,7 +102,7 @@ def test_slider_crank_from_scratch(method: str) -> None:
 
 
 def five_bar(friction: bool) -> dict[str, Any]:
-    scene, rubbing = (tomllib.loads((ROOT / "tests" / "scenes" / f"fivebar_{name}.toml").read_text()) for name in ("lossy", "rubbing"))
+    scene, rubbing = (tomllib.loads((ROOT / "tests" / "scenes" / f"{name}.toml").read_text()) for name in ("fivebar_lossy", "rubbing/fivebar"))
     for actuator, value in zip(scene["actuator"], ("1.5 N*m*cos(5 rad/s*time)", "-0.9 N*m*cos(7 rad/s*time)"), strict=True):
         actuator["law"] = {"type": "formula", "value": value, "at": "motor"}
     return scene | {"friction": rubbing["friction"]} if friction else scene

@@ -491,7 +491,7 @@ def test_overload_is_told(tmp_path: Any) -> None:
     file.write_text(scene.text)
     done = subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc"], capture_output=True, text=True, check=True)
     (line,) = [line for line in done.stdout.splitlines() if "overloaded" in line]
-    assert "motor of 'A' in" in line and "0.0500000 N m there" in line
+    assert "motor of 'A' in" in line and "0.0500000 N m available" in line
     # a run that is cut off there is not overloaded
     data["actuator"][0]["law"] = at_motor(-0.8)
     free = linkdyn.Scene(data).forward(t=np.linspace(0, 0.1, 5), want="all")

@@ -479,7 +479,7 @@ def test_a_belt_that_the_cranks_contradict() -> None:
     """Where only the belt can let go, its phase and the other assembly are refused; else each sample says that the joints do not fit."""
     scene = with_wheels()
     check_roads(scene)
-    assert "belt, its wheels are tied without it" in linkdyn.Scene(scene).explain()
+    assert "belt, its wheels are coupled without it" in linkdyn.Scene(scene).explain()
     # beyond the position in which the cranks lie flat the same branch is the crossed linkage, which the belt forbids: on its own such a sample is no assembly
     run = linkdyn.Scene(scene).inverse(q=[[1.2], [-1.2]], qd=np.zeros((2, 1)), qdd=np.zeros((2, 1)))
     assert list(run.status.values == 0) == [True, False] and np.isnan(run.driving_force.values[1]).all()
