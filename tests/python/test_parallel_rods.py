@@ -8,6 +8,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from cross_checks import agrees_with_itself
 from scipy.spatial.transform import Rotation
 
 pytestmark = pytest.mark.accuracy
@@ -130,18 +131,7 @@ def test_against_iteration(lead: str, in_order: bool) -> None:
 
 @pytest.mark.parametrize("lead", LEADS)
 def test_forces_and_rates(lead: str) -> None:
-    """Power is in balance, solvers agree, rates are what differences of places say."""
-    scene = linkdyn.Scene(delta(lead))
-    step = 1e-4
-    t = 0.3 + step * np.arange(-2, 3)
-    run = scene.inverse(*scene.motion(t), want="all")
-    assert np.abs(run.power_imbalance).max() < 1e-12
-    for solver in ("lapack", "reduced"):
-        other = scene.inverse(*scene.motion(t), solver=solver)
-        np.testing.assert_allclose(other.driving_force, run.driving_force, rtol=0, atol=1e-11 * float(np.abs(run.driving_force).max()))
-    x = run.joint_variable.values
-    slope = (x[0] - 8 * x[1] + 8 * x[3] - x[4]) / (12 * step)
-    np.testing.assert_allclose(run.joint_rate.values[2], slope, rtol=0, atol=1e-8)
+    agrees_with_itself(linkdyn.Scene(delta(lead)), step=1e-4, within=1e-8)
 
 
 def test_reach() -> None:

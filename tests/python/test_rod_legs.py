@@ -11,6 +11,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from cross_checks import agrees_with_itself
 from scipy.spatial.transform import Rotation
 from test_chains import platform
 
@@ -107,16 +108,7 @@ def test_forces_and_rates() -> None:
     text = scene.explain()
     assert text.count(": closed form") == 6 and "Newton" not in text
     assert "RSU leg crank3, rod3 between frame and platform: closed form" in text
-    step = 1e-5
-    t = 0.3 + step * np.arange(-2, 3)
-    run = scene.inverse(*scene.motion(t), want="all")
-    assert np.abs(run.power_imbalance).max() < 1e-12
-    for solver in ("lapack", "reduced"):
-        other = scene.inverse(*scene.motion(t), solver=solver)
-        np.testing.assert_allclose(other.driving_force, run.driving_force, rtol=0, atol=1e-11 * float(np.abs(run.driving_force).max()))
-    x = run.joint_variable.values
-    slope = (x[0] - 8 * x[1] + 8 * x[3] - x[4]) / (12 * step)
-    np.testing.assert_allclose(run.joint_rate.values[2], slope, rtol=0, atol=1e-9)
+    agrees_with_itself(scene, step=1e-5, within=1e-9)
 
 
 @pytest.mark.parametrize("first", LEGS)
