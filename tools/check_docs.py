@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path, PurePosixPath
 
 PAGES = re.compile(r"^(README|CONTRIBUTING)\.md$|^docs/[\w-]+\.md$|^examples/README\.md$")
@@ -35,8 +36,6 @@ class Tree:
 
     texts: dict[str, str]
     """Of pages and of code, by path."""
-    files: frozenset[str]
-    """All, and their folders."""
     words: frozenset[str]
     """Of the code."""
     by_name: dict[str, list[str]]
@@ -61,11 +60,13 @@ def read_tree(root: Path) -> Tree:
     for path in {*files, *folders}:
         for name in {PurePosixPath(path).name, PurePosixPath(path).stem}:
             by_name.setdefault(name, []).append(path)
-    return Tree(texts, frozenset({*files, *folders}), frozenset(words), by_name)
+    return Tree(texts, frozenset(words), by_name)
 
 
-def anchors(text: str) -> set[str]:
+@cache
+def anchors(page: Path) -> set[str]:
     """Of headings, as GitHub makes them, and those written out."""
+    text = page.read_text(encoding="utf-8")
     heads = re.findall(r"^#+\s+(.*)$", text, re.M)
     own = {re.sub(r"[^\w\s-]", "", head).strip().lower().replace(" ", "-") for head in heads}
     return own | set(re.findall(r'id="([^"]+)"', text)) | set(re.findall(r"^\(([\w-]+)\)=", text, re.M))
@@ -82,15 +83,16 @@ def beside(page: str, path: str) -> str:
     return "/".join(parts)
 
 
-def broken_links(tree: Tree, page: str, line: str) -> list[str]:
+def broken_links(root: Path, page: str, text: str) -> list[str]:
+    """Links of a page, or of some of its text, to files or headings that are not there."""
     found = []
-    for path, anchor in LINK.findall(line):
+    for path, anchor in LINK.findall(text):
         if "://" in path or path.startswith("mailto:"):
             continue
         target = beside(page, path) if path else page
-        if target not in tree.files:
+        if not (root / target).exists():
             found.append(f"no file {path}")
-        elif anchor and target.endswith(".md") and anchor not in anchors(tree.texts[target]):
+        elif anchor and target.endswith(".md") and anchor not in anchors(root / target):
             found.append(f"no heading #{anchor} in {target}")
     return found
 
@@ -126,7 +128,7 @@ def find_untrue(root: Path) -> list[str]:
     findings = []
     for page in sorted(file for file in tree.texts if PAGES.search(file)):
         for number, line in enumerate(tree.texts[page].splitlines(), 1):
-            told = broken_links(tree, page, line) + unknown_names(tree, line) + misplaced_names(tree, line)
+            told = broken_links(root, page, line) + unknown_names(tree, line) + misplaced_names(tree, line)
             findings += [f"{page}:{number}: {finding}" for finding in told]
     return findings
 

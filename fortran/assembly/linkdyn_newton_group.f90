@@ -119,12 +119,13 @@ contains
     pure function least_closed_margins(model) result(least)
         type(model_type), intent(in) :: model
         real(wp) :: least(model%n_branch)
-        real(wp) :: shortest
+        real(wp) :: shortest, farthest
         integer :: depth(0:model%n_link)     ! dyads one behind the other, up to a link
         integer :: below, i, k
         logical :: is_pair
 
         least = untrusted
+        farthest = farthest_marker()
         depth = 0
         do i = 1, size(model%step)
             associate (step => model%step(i))
@@ -139,7 +140,7 @@ contains
                 do k = 1, 2
                     if (has_arm(step, k)) shortest = min(shortest, arm_length(step, k))
                 end do
-                least(step%first) = untrusted*sqrt(depth(step%link(1))*max(1.0_wp, farthest_marker()/shortest))
+                least(step%first) = untrusted*sqrt(depth(step%link(1))*max(1.0_wp, farthest/shortest))
             end associate
         end do
 

@@ -16,14 +16,15 @@ contains
 
     subroutine choose_strides(model)
         type(model_type), intent(inout) :: model
-        real(wp) :: pitch
+        real(wp) :: length, pitch
         integer :: k
 
+        length = scene_size(model)
         allocate (model%stride(model%n_q))
         do k = 1, model%n_q
-            model%stride(k) = stride_part*merge(scene_size(model), 1.0_wp, is_length(model, k))
+            model%stride(k) = stride_part*merge(length, 1.0_wp, is_length(model, k))
             pitch = pitch_of(model, k)
-            if (pitch > 0) model%stride(k) = stride_part*scene_size(model)/pitch
+            if (pitch > 0) model%stride(k) = stride_part*length/pitch
         end do
     end subroutine choose_strides
 

@@ -12,18 +12,16 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 from build_docs import dead_links, lay_out, set_up_kernels, stay_at_home  # noqa: E402
+from check_docs import broken_links  # noqa: E402
 from docs_gallery import examples, write_gallery  # noqa: E402
 
 PAGES = sorted([*(page for page in ROOT.glob("*.md") if page.stem != "ford"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*/README.md"), *ROOT.glob("benchmarks/*.md")])
-LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.M | re.S)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_between_pages(page):
-    targets = [target.partition("#")[0] for target in LINK.findall(CODE.sub("", page.read_text(encoding="utf-8")))]
-    missing = [target for target in targets if target and "://" not in target and not (page.parent / target).exists()]
-    assert not missing
+    assert not broken_links(ROOT, page.relative_to(ROOT).as_posix(), CODE.sub("", page.read_text(encoding="utf-8")))
 
 
 def test_anchors_are_their_own():
