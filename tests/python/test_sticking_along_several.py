@@ -236,10 +236,12 @@ def rocker() -> dict[str, Any]:
 
 
 def test_a_ball_in_a_loop_is_held_without_creep():
-    run = linkdyn.Scene(rocker()).forward(t=np.linspace(0, 100, 51), rtol=1e-8, atol=1e-10, want=["clutch", "checks"])
+    atol = 1e-10
+    run = linkdyn.Scene(rocker()).forward(t=np.linspace(0, 100, 51), rtol=1e-8, atol=atol, want=["clutch", "checks"])
     assert list(run.event.values) == ["C"] and (run.clutch_state.values[-1] == HOLDS).all()
     late = run.q.values[run.time.values > float(run.event_time[-1])]
-    assert np.abs(late - late[-1]).max() < 1e-12
+    # what rounding of accelerations does over steps of seconds is within the tolerance; the methods differ in how long these are
+    assert np.abs(late - late[-1]).max() < atol
     assert np.abs(run.power_imbalance).max() < 1e-12
 
 
