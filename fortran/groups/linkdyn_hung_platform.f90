@@ -177,15 +177,15 @@ contains
 
     ! ---------------------------------------------------------------- margin
 
-    !> S over the three lengths, with the sign of the branch, and its rate. Links move.
+    !> S over the three lengths, with the sign of the branch, and its rate. Links have places and velocities.
     subroutine margin_of_hanging(mechanism, step, margin, drift)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
         type(value), intent(out) :: margin, drift
-        type(vector) :: p(n_hung_rod), rate(n_hung_rod), rate_2(n_hung_rod)
+        type(vector) :: p(n_hung_rod), rate(n_hung_rod)
         type(value) :: per_lengths
 
-        call see_rods(mechanism, step, p, rate, rate_2)
+        call see_rods(mechanism, step, p, rate)
         per_lengths = reciprocal(sqrt((p(1) .dot.p(1))*(p(2) .dot.p(2))*(p(3) .dot.p(3))))
         margin = per_lengths*(p(1) .dot.(p(2) .cross.p(3)))
         drift = per_lengths*((rate(1) .dot.(p(2) .cross.p(3))) + (rate(2) .dot.(p(3) .cross.p(1))) &
@@ -221,11 +221,12 @@ contains
         end subroutine look
     end function quality_of_hanging
 
-    !> The rods as the platform sees them, which turns as the base does.
+    !> The rods as the platform sees them, which turns as the base does; how their rates grow only where links have accelerations.
     subroutine see_rods(mechanism, step, p, rate, rate_2)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step
-        type(vector), intent(out) :: p(:), rate(:), rate_2(:)      !! from lead to platform, world axes [m], [m/s], [m/s2]
+        type(vector), intent(out) :: p(:), rate(:)                 !! from lead to platform, world axes [m], [m/s]
+        type(vector), intent(out), optional :: rate_2(:)           !! [m/s2]
         type(hung_rod) :: rod(n_hung_rod)
         type(vector) :: omega
         integer :: k
@@ -237,6 +238,7 @@ contains
                 p(k) = point_position(bodies, platform, rod(k)%end) - point_position(bodies, rod(k)%lead, rod(k)%begin)
                 rate(k) = point_velocity(bodies, platform, rod(k)%end) - point_velocity(bodies, rod(k)%lead, rod(k)%begin) &
                           - (omega.cross.p(k))
+                if (.not. present(rate_2)) cycle
                 rate_2(k) = point_acceleration(bodies, platform, rod(k)%end, world_axes) &
                             - point_acceleration(bodies, rod(k)%lead, rod(k)%begin, world_axes) &
                             - field_times(acceleration_field(bodies, platform, world_axes), p(k)) - 2.0_wp*(omega.cross.rate(k))
