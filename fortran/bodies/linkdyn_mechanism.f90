@@ -57,6 +57,7 @@ module linkdyn_mechanism
         type(value), allocatable :: watched(:)             !! magnitudes that must stay below one
         logical :: is_solved = .true.                      !! false once a system had no pivots
         type(vector), allocatable :: ways(:, :)            !! (2, dyad) how its inner joint moves with each of its links
+        type(value), allocatable :: way_length(:, :)       !! of these: where it never changes, from the scene's numbers
         type(value), allocatable :: positive(:)            !! what must be positive, or a loop cannot close, or hardly
         logical :: keeps_at_limits = .false.               !! loops that cannot close are laid out as far as they go
         type(value), allocatable :: closes(:)              !! there: what is negative where they do not
@@ -84,7 +85,8 @@ contains
         call set_rate(mechanism%rates, q, qd)
         call set_rate(mechanism%rates, qd, qdd)
         allocate (mechanism%slide(size(model%joint)), mechanism%universal_axis(size(model%joint)), mechanism%watched(0), &
-                  mechanism%positive(0), mechanism%closes(0), mechanism%ways(2, model%n_dyad))
+                  mechanism%positive(0), mechanism%closes(0), mechanism%ways(2, model%n_dyad), &
+                  mechanism%way_length(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
 

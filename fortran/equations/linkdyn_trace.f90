@@ -4,6 +4,7 @@ module linkdyn_trace
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_effort_laws, only: law_effort
     use linkdyn_drive_sharing, only: share_work
+    use linkdyn_elimination, only: alarm_of_watched
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench, holding_wrench, pressing_parts
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of, push_of_teeth
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
@@ -26,7 +27,7 @@ module linkdyn_trace
     use linkdyn_springs, only: apply_spring
     use linkdyn_substitution, only: substitution, replace
     use linkdyn_system, only: system_type, unknown, solve, solved, take_solution
-    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), square, min, abs
+    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), min, abs
     use linkdyn_vector, only: vector
     implicit none (type, external)
     private
@@ -400,16 +401,12 @@ contains
         call take_solution(traced%system, traced%in%of(in_unknown)%v)
     end subroutine take_unknowns
 
-    !> Sum of the squares of what is watched: beyond one, rounding may have grown. Not a number if anything was none.
+    !> Beyond one, rounding may have grown. Not a number if anything was none.
     function alarm_of(traced) result(alarm)
         type(traced_type), intent(in) :: traced
         type(value) :: alarm
-        integer :: i
 
-        alarm = zero()
-        do i = 1, size(traced%mechanism%watched)
-            alarm = alarm + square(traced%mechanism%watched(i))
-        end do
+        alarm = alarm_of_watched(traced%mechanism%watched)
     end function alarm_of
 
     !> Smallest of the values that must be positive. One if nothing can fail.

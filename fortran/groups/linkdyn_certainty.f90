@@ -51,7 +51,7 @@ contains
             q(2) = radius
         else
             way = mechanism%ways(:, step%first)
-            length = sqrt(way.dot.way)
+            length = mechanism%way_length(:, step%first)
             normal = way(1) .cross.way(2)
             q(1) = abs(normal%z)*reciprocal(length(1)*length(2))
             q(2) = constant(endless)

@@ -9,7 +9,7 @@ module linkdyn_dyads
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, root_of, &
         least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
-    use linkdyn_value, only: value, zero, is_constant, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
+    use linkdyn_value, only: value, zero, one, is_constant, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
     use linkdyn_vector, only: vector, rotation, unit_vector, identity_rotation, operator(+), operator(-), operator(*), &
         operator(.dot.), operator(.rotate.)
     implicit none (type, external)
@@ -215,22 +215,28 @@ contains
         type(step_type), intent(in) :: step
         type(half_type) :: half(2)
         type(vector) :: way(2)
+        type(value) :: length(2)
 
         half(1) = half_of(mechanism, step, 1)
         half(2) = half_of(mechanism, step, 2)
+        length = one()
         select case (step%kind)
         case (step_rrr)
             way = [arm_of_half(1), arm_of_half(2)]
+            length = [length_of_half(1), length_of_half(2)]
         case (step_rrp)
             way = [left_of(arm_of_half(1)), slide_direction(mechanism, half(2))]
+            length(1) = length_of_half(1)
         case (step_rpr)
             way = [left_of(outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))), inner_direction()]
+            length(1) = sqrt(way(1) .dot.way(1))
         case (step_prp)
             way = [slide_direction(mechanism, half(1)), slide_direction(mechanism, half(2))]
         case (step_ppr)
             way = [slide_direction(mechanism, half(1)), inner_direction()]
         end select
         mechanism%ways(:, step%first) = way
+        mechanism%way_length(:, step%first) = length
 
     contains
 
@@ -245,6 +251,16 @@ contains
                 arm = rotation_of(mechanism%bodies, half(i)%link) .rotate.own_arm(mechanism, half(i))
             end if
         end function arm_of_half
+
+        !> Links do not grow, but for those with a slide inside.
+        function length_of_half(i) result(length)
+            integer, intent(in) :: i
+            type(value) :: length
+            type(vector) :: arm
+
+            arm = own_arm(mechanism, half(i))
+            length = sqrt(arm.dot.arm)
+        end function length_of_half
 
         function inner_direction() result(u)
             type(vector) :: u

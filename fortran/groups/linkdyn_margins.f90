@@ -63,7 +63,7 @@ contains
         type(value) :: per_lengths
 
         associate (way => mechanism%ways(:, step%first))
-            per_lengths = reciprocal(lengths_of(way))
+            per_lengths = per_lengths_of(mechanism, step)
             normal = way(1) .cross.way(2)
             margin = per_lengths*normal%z
             drift = per_lengths*((turn_of_way(mechanism, step, 2) - turn_of_way(mechanism, step, 1))*(way(1) .dot.way(2)))
@@ -101,7 +101,7 @@ contains
         type(value) :: per_lengths
 
         associate (way => mechanism%ways(:, step%first))
-            per_lengths = reciprocal(lengths_of(way))
+            per_lengths = per_lengths_of(mechanism, step)
             normal = way(1) .cross.way(2)
             omega = omega_of(mechanism%bodies, step%link(1), world_axes)
             line_rate = hinge_velocity(2) - hinge_velocity(1)
@@ -137,11 +137,14 @@ contains
         drift = per_radius*(omega.dot.(radius.cross.slide))
     end subroutine margin_of_csp
 
-    !> Product of the lengths of both ways.
-    function lengths_of(way) result(product)
-        type(vector), intent(in) :: way(2)
-        type(value) :: product
+    !> One over the product of the lengths of both ways.
+    function per_lengths_of(mechanism, step) result(per)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value) :: per
 
-        product = sqrt((way(1) .dot.way(1))*(way(2) .dot.way(2)))
-    end function lengths_of
+        associate (length => mechanism%way_length(:, step%first))
+            per = reciprocal(length(1)*length(2))
+        end associate
+    end function per_lengths_of
 end module linkdyn_margins

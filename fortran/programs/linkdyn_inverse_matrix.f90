@@ -4,7 +4,7 @@
 !> What depends on the pose alone is found once; the rest is a kernel from right-hand sides to unknowns. Its derivatives by these are the
 !> solution with the transposed matrix.
 module linkdyn_inverse_matrix
-    use linkdyn_elimination, only: sparse_row, elimination_type, eliminate
+    use linkdyn_elimination, only: sparse_row, elimination_type, eliminate, alarm_of_watched
     use linkdyn_equation_programs, only: equation_choice, write_equations
     use linkdyn_force_program, only: out_alarm
     use linkdyn_gradient, only: gradient
@@ -15,7 +15,7 @@ module linkdyn_inverse_matrix
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_system, only: list_rows
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value, zero, square, operator(+), operator(*)
+    use linkdyn_value, only: value, zero, operator(+), operator(*)
     implicit none (type, external)
     private
     public :: make_inverse_matrix
@@ -60,10 +60,7 @@ contains
                     total = total + elimination%solution(i)*in%of(in_transposed)%v(i)
                 end do
                 transposed = gradient(total, in%of(in_unknown)%v)
-                alarm = zero()
-                do i = 1, size(elimination%watched)
-                    alarm = alarm + square(elimination%watched(i))
-                end do
+                alarm = alarm_of_watched(elimination%watched)
                 call find_boundary(record, [elimination%solution, transposed], &
                                    [in%of(in_unknown)%v, in%of(in_transposed)%v], boundary)
                 call add_output(of_pose, out_pose, [(value(boundary(i), 1), i=1, size(boundary))])

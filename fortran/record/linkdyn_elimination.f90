@@ -12,10 +12,10 @@ module linkdyn_elimination
     use linkdyn_kinds, only: wp
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_value, only: value, zero, one, is_zero, is_one, is_constant, reciprocal, constant, &
-        operator(+), operator(-), operator(*)
+        operator(+), operator(-), operator(*), square
     implicit none (type, external)
     private
-    public :: sparse_row, elimination_type, eliminate
+    public :: sparse_row, elimination_type, eliminate, alarm_of_watched
 
     real(wp), parameter :: pivot_threshold = 0.05_wp   !! of the largest number that the pivot must eliminate
     real(wp), parameter :: no_pivot = 1.0e-11_wp       !! of the largest number of its row: nothing but rounding
@@ -79,6 +79,18 @@ module linkdyn_elimination
     end type work_type
 
 contains
+
+    !> Sum of the squares of what is watched, each once: velocities, accelerations and forces are often found by the same pivots.
+    function alarm_of_watched(watched) result(alarm)
+        type(value), intent(in) :: watched(:)
+        type(value) :: alarm
+        integer :: i
+
+        alarm = zero()
+        do i = 1, size(watched)
+            if (all(watched(:i - 1)%node /= watched(i)%node)) alarm = alarm + square(watched(i))
+        end do
+    end function alarm_of_watched
 
     !> Solve for all columns, or for all that are not free.
     subroutine eliminate(row, n_column, is_last, elimination, is_free)

@@ -14,7 +14,7 @@ module linkdyn_record
     implicit none (type, external)
     private
     public :: value, record_type, open_record, close_record, open_record_of_thread
-    public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node, add_curve
+    public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node, known_node, add_curve
     public :: is_constant, is_zero, is_one, number_of, constant_of, declare_inverse, negated
 
     integer, parameter :: first_capacity = 1024     !! nodes; doubled when full, a power of two
@@ -218,6 +218,16 @@ contains
             record%number(s, node) = operate(kind, record%number(s, o(1)), record%number(s, o(2)), record%number(s, o(3)))
         end do
     end function find_node
+
+    !> The node of an operation if it has been made; 0: it has not.
+    pure integer function known_node(record, kind, operand)
+        type(record_type), intent(in) :: record
+        integer, intent(in) :: kind
+        integer, intent(in) :: operand(3)           !! nodes; 0: there is no such operand, and no such node
+
+        known_node = 0
+        if (operand(1) > 0) known_node = record%table(place_of(record, kind, operand))
+    end function known_node
 
     function constant_in_quad(x) result(v)
         real(real128), intent(in) :: x

@@ -70,6 +70,10 @@ contains
         call check(error, same(sin(-x(1)), -sin(x(1))) .and. same(cos(-x(1)), cos(x(1))), "sine is odd, cosine even")
         call check(error, same(abs(-x(1)), abs(x(1))) .and. same(min(-x(1), -x(2)), -max(x(1), x(2))), "signs of extremes")
         call check(error, same(select(one(), x(1), x(2)), x(1)) .and. same(select(zero(), x(1), x(2)), x(2)), "known choices")
+        call check(error, same(constant(2.0_wp)*x(1) - constant(5.0_wp)*x(1), constant(-3.0_wp)*x(1)), "like terms combine")
+        call check(error, same((x(2) - constant(2.0_wp)*x(1)) + x(1), x(2) - x(1)), "and in a sum")
+        call check(error, same(x(1) - (x(2) + constant(3.0_wp)*x(1)), -(x(2) + constant(2.0_wp)*x(1))), "that is taken away")
+        call check(error, same((((x(3) - x(1)*x(1)) - x(2)*x(2)) + x(1)*x(1)) + x(2)*x(2), x(3)), "terms cancel deep in a sum")
         call declare_inverse(x(2), -x(3))
         call check(error, is_one(x(2)*x(3)), "a declared inverse meets its original")
         n = record%n_node
@@ -90,6 +94,10 @@ contains
         n = record%n_node
         b = sqrt(x(3) + x(2)*x(1))
         call check(error, same(a, b) .and. record%n_node == n, "operands that may change places make the same node")
+        a = x(1)*(x(2)*(-x(3)))
+        call check(error, same(x(2)*(x(1)*x(3)), -a), "so do factors of three")
+        a = x(1)*(constant(3.0_wp)*x(2))
+        call check(error, same(constant(3.0_wp)*(x(1)*x(2)), a), "one of which is a constant")
         call close_record(record)
     end subroutine test_sharing
 
