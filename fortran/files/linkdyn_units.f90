@@ -11,7 +11,7 @@ module linkdyn_units
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
-    public :: quantity_type, per_second, over, is_unit, unit_factor, counts_turns
+    public :: quantity_type, per_second, over, is_unit, unit_factor, counts_turns, names_minutes, is_same_dimension
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit, two_units
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
@@ -224,17 +224,18 @@ contains
             problem = unknown_unit(reading%culprit)
         else if (.not. is_same_dimension(reading%power, quantity)) then
             problem = quoted(adjustl(text))//" is the unit of "//dimension_text(reading%power)
-        else if (may_be_turns(text, reading%power, quantity)) then
+        else if (may_be_turns(names_minutes(text), reading%power, quantity)) then
             problem = turns_or_radians(text)
         end if
         factor = reading%factor
     end subroutine unit_factor
 
     !> Why a value is not what is expected; empty if it is.
-    pure function misfit(text, has_unit, power, quantity) result(problem)
+    pure function misfit(text, has_unit, power, in_minutes, quantity) result(problem)
         character(len=*), intent(in) :: text           !! as it is written
         logical, intent(in) :: has_unit
         integer, intent(in) :: power(n_dimension)
+        logical, intent(in) :: in_minutes              !! a minute was among the units, of a variable perhaps
         type(quantity_type), intent(in) :: quantity    !! what is expected
         character(len=:), allocatable :: problem
 
@@ -243,7 +244,7 @@ contains
             if (any(quantity%power /= 0)) problem = quoted(trim(adjustl(text)))//" has no unit"
         else if (.not. is_same_dimension(power, quantity)) then
             problem = quoted(trim(adjustl(text)))//" is "//dimension_text(power)
-        else if (may_be_turns(text, power, quantity)) then
+        else if (may_be_turns(in_minutes, power, quantity)) then
             problem = turns_or_radians(text)
         end if
     end function misfit
@@ -256,14 +257,20 @@ contains
     end function turns_or_radians
 
     !> An angular rate "1/min", which data sheets mean as turns, though the radian may be left out elsewhere.
-    pure logical function may_be_turns(text, power, quantity)
-        character(len=*), intent(in) :: text
+    pure logical function may_be_turns(in_minutes, power, quantity)
+        logical, intent(in) :: in_minutes
         integer, intent(in) :: power(n_dimension)
         type(quantity_type), intent(in) :: quantity
 
-        may_be_turns = all(quantity%power == angular_rate%power) .and. power(5) == 0 &
-                       .and. index(replaced(text, "min(", ""), "min") > 0    ! the function of that name is no minute
+        may_be_turns = in_minutes .and. all(quantity%power == angular_rate%power) .and. power(5) == 0
     end function may_be_turns
+
+    !> Is a minute among units?
+    pure logical function names_minutes(words)
+        character(len=*), intent(in) :: words          !! no names of variables
+
+        names_minutes = index(words, "min") > 0
+    end function names_minutes
 
     !> A number and its unit, if it has one.
     pure subroutine read_value(text, value, has_unit, power, problem)

@@ -19,7 +19,8 @@ module linkdyn_expression
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: lower_case, quoted, to_text
-    use linkdyn_units, only: n_dimension, counts_turns, read_unit, dimension_text, ascii_unit, is_unit, unknown_unit, two_units
+    use linkdyn_units, only: n_dimension, counts_turns, names_minutes, read_unit, dimension_text, ascii_unit, &
+        is_unit, unknown_unit, two_units
     implicit none (type, external)
     private
     public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters
@@ -44,6 +45,7 @@ module linkdyn_expression
         logical :: has_unit = .false.                   !! a unit was met on the way
         logical :: has_pi = .false.                     !! a plain number of which pi is a factor
         logical :: counts_turns = .false.               !! a factor is given in Hz, rpm or rev
+        logical :: in_minutes = .false.                 !! a minute was among the units
         integer :: symbol = 0                           !! no number, but this symbol of formulas
         integer :: node = 0                             !! no number, but this node of the formula
     end type measured_value
@@ -153,6 +155,7 @@ contains
                 found%value = found%value + merge(other%value, -other%value, operator == "+")
             end if
             found%has_unit = found%has_unit .or. other%has_unit
+            found%in_minutes = found%in_minutes .or. other%in_minutes
             found%has_pi = .false.
             found%counts_turns = .false.
             call require_finite(reader, found)
@@ -205,6 +208,7 @@ contains
                 return
             end if
             found%has_unit = found%has_unit .or. other%has_unit
+            found%in_minutes = found%in_minutes .or. other%in_minutes
             found%has_pi = (found%has_pi .or. other%has_pi) .and. all(found%power == 0)
             found%counts_turns = found%counts_turns .or. (operator == "*" .and. other%counts_turns)
             call require_finite(reader, found)
@@ -377,6 +381,7 @@ contains
         reader%next = before
         found%value = found%value*unit
         found%counts_turns = counts_turns(reader%text(first:before - 1), found%power)
+        found%in_minutes = names_minutes(reader%text(first:before - 1))
         call require_finite(reader, found)
 
     contains
@@ -546,6 +551,7 @@ contains
             return
         end if
         found%has_unit = argument(2)%has_unit .or. argument(3)%has_unit
+        found%in_minutes = argument(2)%in_minutes .or. argument(3)%in_minutes
         if (argument(1)%node == 0) then
             if (.not. argument(1)%value > 0) found = argument(3)
         else
@@ -611,6 +617,7 @@ contains
         is_formula = x%node > 0 .or. y%node > 0
         found = x
         found%has_unit = x%has_unit .or. y%has_unit
+        found%in_minutes = x%in_minutes .or. y%in_minutes
         if (any(x%power /= y%power)) then
             call fail(reader, "has "//name//" of "//dimension_text(x%power)//" and "//dimension_text(y%power)// &
                       " (expected two of a kind)")
@@ -731,7 +738,10 @@ contains
 
         name = name_at(reader%text, reader%next)
         unit = name(:verify(name//" ", letters) - 1)           ! "kgcm2" without its exponent
-        if (len(name) > 0 .and. (unit == name .or. two_units(unit) /= "")) then
+        if (is_unit_name(name)) then
+            call fail(reader, "has the unit "//quoted(rest_of(reader))//" behind what is no number " &
+                      //"(expected it behind one: 'k*2 N' in place of '2*k N')")
+        else if (len(name) > 0 .and. (unit == name .or. two_units(unit) /= "")) then
             call fail(reader, unknown_unit(unit))
         else if (index(rest_of(reader), ",") == 1) then
             call fail(reader, "has a comma (decimals have a point)")

@@ -5,7 +5,8 @@ module linkdyn_variables
     use linkdyn_formula, only: formula_type
     use linkdyn_scene, only: name_len
     use linkdyn_text, only: quoted
-    use linkdyn_units, only: quantity_type, n_dimension, counts_turns, read_value, misfit
+    use linkdyn_units, only: quantity_type, n_dimension, counts_turns, names_minutes, is_same_dimension, read_value, &
+        misfit
     implicit none (type, external)
     private
     public :: variable_table, variable_entry, symbol_entry, quantity_of_text, measured_of_text, formula_of_text
@@ -232,14 +233,14 @@ contains
         value = 0
         call read_plain(text, variables, value, has_unit, power, is_plain, problem)
         if (is_plain) then
-            if (problem == "") problem = misfit(text, has_unit, power, quantity)
+            if (problem == "") problem = misfit(text, has_unit, power, names_minutes(text), quantity)
             return
         end if
         call value_of_text(text, variables, 0, found, problem)
         value = found%value
         if (problem /= "" .or. .not. found%has_unit) return
-        problem = misfit(text, .true., found%power, quantity)
-        if (problem /= "" .and. all(found%power(:4) == quantity%power(:4))) &
+        problem = misfit(text, .true., found%power, found%in_minutes, quantity)
+        if (.not. is_same_dimension(found%power, quantity) .and. all(found%power(:4) == quantity%power(:4))) &
             problem = problem//", with an angle too many or too few: a factor or divisor of '1 rad' mends it"
     end subroutine quantity_of_text
 
@@ -285,6 +286,7 @@ contains
 
         call read_plain(text, variables, found%value, found%has_unit, found%power, is_plain, problem)
         found%counts_turns = counts_turns(text, found%power)
+        found%in_minutes = names_minutes(text)
         if (is_plain) return
         variables%culprit = 0
         found = measured_value()

@@ -339,3 +339,13 @@ def test_the_text_of_the_file_is_kept():
     run = linkdyn.Scene(SLIDER_CRANK).inverse()
     assert run.attrs["scene"] == SLIDER_CRANK
     assert copy.deepcopy(linkdyn.Scene(run.attrs["scene"]).inverse()).equals(run)
+
+
+@pytest.mark.parametrize("name", ["nominal", "n_min", "minute"])
+def test_names_of_variables_are_no_units(name: str) -> None:
+    """A minute in the name of a variable says nothing of how an angular rate is counted."""
+    scene = {"space": "planar", "variables": {name: "5/s"}, "frame": {"markers": {"O": [0, 0]}},
+             "link": [{"name": "arm", "mass": 1.0, "inertia": 0.1, "markers": {"O": [0, 0]}}],
+             "joint": [{"name": "J", "type": "revolute", "between": ["frame.O", "arm.O"]}],
+             "coordinate": [{"joint": "J", "motion": {"law": "constant-rate", "rate": f"2*{name}"}}], "actuator": [{"joint": "J"}]}
+    assert linkdyn.Scene(scene).motion([0.0])[1].ravel() == pytest.approx([10.0])
