@@ -106,13 +106,13 @@ contains
         quantity = variable_quantity(scene%joint(coordinate%joint)%kind, coordinate%variable)
         coordinate%unit = quantity%unit(:4)
         call read_start(place, "start", quantity, coordinate, status)
+        if (.not. coordinate%has_start) coordinate%start_position = scene%joint(coordinate%joint)%start(coordinate%variable)
         node = place%node%get("motion")
         if (node%is_present()) call read_law(place, "motion", node, quantity, coordinate%start_position, &
             coordinate%name, spline, shelf, coordinate%motion, status)
         call read_driven(place, coordinate%is_driven, status)
-        if (node%is_present() .or. coordinate%has_start) return
-        coordinate%start_position = scene%joint(coordinate%joint)%start(coordinate%variable)
-        coordinate%has_start = abs(coordinate%start_position) > 0
+        if (node%is_present()) return
+        coordinate%has_start = coordinate%has_start .or. abs(coordinate%start_position) > 0
     end subroutine read_joint_coordinate
 
     !> A position, or position and velocity.
@@ -177,13 +177,14 @@ contains
             coordinate(i)%line = place%line
         end do
         call read_pose_start(place, scene%planar, coordinate, status)
-        call read_pose_motion(place, scene%planar, components, shelf, coordinate, status)
         call begin_at_link(place, scene, link, [0.0_wp, 0.0_wp, 0.0_wp], components, coordinate)
+        call read_pose_motion(place, scene%planar, components, shelf, coordinate, status)
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
 
-    !> Where neither a start nor a motion says where a pose begins, that is where the link's own start has it.
+    !> Where neither a start nor a motion says where a pose begins, that is where the link's own start has it; so do components and laws
+    !> that a motion leaves open.
     subroutine begin_at_link(place, scene, link, point, components, coordinate)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene
@@ -194,13 +195,13 @@ contains
         type(toml_node) :: motion
         real(wp) :: start(6)
 
+        if (.not. scene%link(link)%has_start) return
         motion = place%node%get("motion")
-        if (motion%is_present() .or. .not. scene%link(link)%has_start) return
         start = scene%link(link)%start
         start(:3) = start(:3) + matmul(matrix_of_angles(start(4:)), point)
         where (.not. coordinate%has_start)
             coordinate%start_position = start(components)
-            coordinate%has_start = .true.
+            coordinate%has_start = .not. motion%is_present()
         end where
     end subroutine begin_at_link
 
@@ -294,10 +295,10 @@ contains
                 call read_start(inner, trim(known(i)), component_quantity(components(i)), coordinate(i), status)
             end do
         end if
-        call read_pose_motion(place, scene%planar, components, shelf, coordinate(:n), status)
         point = 0
         if (marker > 0) point = scene%link(link)%marker(marker)%at
         if (reference == frame_link) call begin_at_link(place, scene, link, point, components, coordinate(:n))
+        call read_pose_motion(place, scene%planar, components, shelf, coordinate(:n), status)
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate(:n)%is_driven = coordinate(1)%is_driven
     end subroutine read_part_of_pose
