@@ -20,7 +20,8 @@ module linkdyn_newton_group
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, side_of, step_rus, &
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, reach_of, side_of, &
+        step_rus, &
         is_dyad, is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
@@ -40,7 +41,8 @@ module linkdyn_newton_group
 
 contains
 
-    !> The vectors v of every group, and the units of its corrections: its size for a length, 1 for an angle.
+    !> The vectors v of every group, and the units of its corrections: of a length its size, or how far the link's joints are from the
+    !> link's origin, which goes so far if the link turns; 1 for an angle.
     !> Where the matrix is nearly singular, what counts of v is its part along one direction. Of random numbers that part
     !> is about one, whatever symmetries the mechanism has, and that it should be small for both vectors is unlikely.
     subroutine prepare_margins(model)
@@ -60,7 +62,11 @@ contains
                     group%probe(:, k) = [(2*counter_uniform(0_int64, int(k, int64), int(i, int64)) - 1, i=1, n)]
                     group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2))*group%row_unit
                 end do
-                group%unit = [(merge(group%size, 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
+                group%unit = [(1.0_wp, i=1, n)]
+                do i = 1, size(group%link)
+                    group%unit(freedom*(i - 1) + 1:freedom*(i - 1) + n_shift(model)) = &
+                        max(group%size, reach_of(model, group%joint, group%link(i)))
+                end do
                 call find_thread_axes(model, group)
             end associate
         end do
@@ -435,7 +441,7 @@ contains
                                      sizes_off(model, group, state%group%place))
     end function uncertainty_of_group
 
-    !> The largest of the links' rates of a level, lengths by the group's size.
+    !> The largest of the links' rates of a level, lengths by their unit.
     pure function speed_of(model, group, state, level) result(speed)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -449,7 +455,8 @@ contains
         speed = 0
         do i = 1, size(group%link)
             rate = place_rates(model, state, group%link(i), level)
-            speed = max(speed, sqrt(sum(rate(:, :n)**2, dim=2))/group%size, sqrt(sum(rate(:, n + 1:)**2, dim=2)))
+            speed = max(speed, sqrt(sum(rate(:, :n)**2, dim=2))/group%unit(link_freedom(model)*(i - 1) + 1), &
+                        sqrt(sum(rate(:, n + 1:)**2, dim=2)))
         end do
     end function speed_of
 

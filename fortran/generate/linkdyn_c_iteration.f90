@@ -20,7 +20,7 @@ module linkdyn_c_iteration
         type(controller_kernel) :: controller          !! its step
         integer :: first = 0, n = 0                    !! among the links placed so
         real(wp), allocatable :: unit(:)               !! of its corrections (row)
-        real(wp) :: size = 1                           !! the largest coordinate of its joints' markers [m]
+        real(wp) :: size = 1                           !! how far joints of a link are apart [m]
         real(wp) :: sense = 1                          !! sign of the determinant on the start's assembly
     end type group_code
 

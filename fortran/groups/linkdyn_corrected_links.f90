@@ -6,7 +6,7 @@ module linkdyn_corrected_links
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type
-    use linkdyn_model, only: model_type, group_type, link_freedom, place_size
+    use linkdyn_model, only: model_type, group_type, link_freedom, place_size, reach_of
     use linkdyn_value, only: value, zero, one, constant, sqrt, sin, cos, max, abs, square, nearest_whole, &
         operator(+), operator(-), operator(*), operator(/)
     use linkdyn_vector, only: vector, vector_of, components, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -97,8 +97,7 @@ contains
         place(4:) = (one()/sqrt(square(turned(1)) + square(turned(2)) + square(turned(3)) + square(turned(4))))*turned
     end subroutine move
 
-    !> The largest velocity or angular velocity of a group's links and of those that they are joined to, lengths by the group's
-    !> size.
+    !> The largest velocity or angular velocity of a group's links and of those that they are joined to, lengths by their unit.
     function fastest(mechanism, group, rate) result(speed)
         type(mechanism_type), intent(in) :: mechanism
         type(group_type), intent(in) :: group
@@ -112,14 +111,16 @@ contains
         largest = zero()
         do i = 1, size(group%link)
             associate (of_link => rate(n*(i - 1) + 1:n*i))
-                call note(of_link(:n_shift), of_link(n_shift + 1:))
+                call note(of_link(:n_shift), of_link(n_shift + 1:), group%unit(n*(i - 1) + 1))
             end associate
         end do
         do i = 1, size(group%joint)
             do side = 1, 2
                 associate (l => mechanism%model%joint(group%joint(i))%link(side))
                     if (l == 0 .or. any(group%link == l)) cycle
-                    call note(components(mechanism%bodies%body(l)%velocity), components(omega_of(mechanism%bodies, l, world_axes)))
+                    call note(components(mechanism%bodies%body(l)%velocity), &
+                              components(omega_of(mechanism%bodies, l, world_axes)), &
+                              max(group%size, reach_of(mechanism%model, group%joint, l)))
                 end associate
             end do
         end do
@@ -127,10 +128,11 @@ contains
 
     contains
 
-        subroutine note(shift, turn)
+        subroutine note(shift, turn, unit)
             type(value), intent(in) :: shift(:), turn(:)
+            real(wp), intent(in) :: unit               !! of shifts [m]
 
-            largest = max(largest, max(constant(1/group%size**2)*sum_of_squares(shift), sum_of_squares(turn)))
+            largest = max(largest, max(constant(1/unit**2)*sum_of_squares(shift), sum_of_squares(turn)))
         end subroutine note
     end function fastest
 

@@ -110,27 +110,21 @@ contains
     end function is_posed
 
     !> A length to compare turning with moving: the largest distance of a joint from the origin of a link whose pose is
-    !> given, such as a platform; else of any joint from the origin of its link, or the mechanism's size, if that is larger.
+    !> given, such as a platform; else the mechanism's size.
     pure real(wp) function typical_length(model) result(length)
         type(model_type), intent(in) :: model
-        integer :: j, side, pass
+        integer :: j, side
 
         length = 0
-        do pass = 1, 2
-            do j = 1, model%n_joint
-                do side = 1, 2
-                    associate (link => model%joint(j)%link(side))
-                        if (link == 0) cycle
-                        if (pass == 1) then
-                            if (.not. is_posed(model, link)) cycle
-                        end if
-                    end associate
-                    length = max(length, norm2(model%joint(j)%point(:, side)))
-                end do
+        do j = 1, model%n_joint
+            do side = 1, 2
+                associate (link => model%joint(j)%link(side))
+                    if (link == 0) cycle
+                    if (is_posed(model, link)) length = max(length, norm2(model%joint(j)%point(:, side)))
+                end associate
             end do
-            if (pass == 1 .and. length > 0) return
         end do
-        length = max(length, scene_size(model))
+        if (.not. length > 0) length = scene_size(model)
     end function typical_length
 
     !> Jacobian, and the driving forces of the six unit wrenches. Rows of a singular lane are NaN.

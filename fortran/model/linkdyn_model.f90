@@ -1,6 +1,5 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
-    use linkdyn_breadth, only: breadth
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type
     use linkdyn_joint_table, only: is_pose_part, is_slide, is_threaded, wraps
@@ -25,7 +24,7 @@ module linkdyn_model
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     public :: n_hung_rod, base_of_hung
     public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, group_size, counts_turns, most_turned
+    public :: is_length, is_screw, repeats, scene_size, group_size, reach_of, counts_turns, most_turned
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
     !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
@@ -223,7 +222,7 @@ module linkdyn_model
         real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
         integer :: n_found = 1                !! assemblies among which that of the start was chosen; 0: others were not looked for
         integer :: chosen_by = 0              !! what decided it: one of `by_*`
-        real(wp) :: size = 1                  !! the largest coordinate of its joints' markers [m]
+        real(wp) :: size = 1                  !! how far joints of a link are apart [m], see `group_size`
         real(wp), allocatable :: row_unit(:)  !! of its constraints: its size for a distance, 1 for an angle (row)
         real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
@@ -610,6 +609,20 @@ contains
         scene_size = size_of(model%joint(:model%n_joint))
     end function scene_size
 
+    !> How far joints of a link are from its origin, the largest [m].
+    pure real(wp) function reach_of(model, joint, link) result(reach)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint(:), link
+        integer :: i, side
+
+        reach = 0
+        do i = 1, size(joint)
+            do side = 1, 2
+                if (model%joint(joint(i))%link(side) == link) reach = max(reach, norm2(model%joint(joint(i))%point(:, side)))
+            end do
+        end do
+    end function reach_of
+
     !> Likewise of the joints of a group: what is far from them, a tool at the end of a boom, says nothing of it.
     pure real(wp) function group_size(model, group)
         type(model_type), intent(in) :: model
@@ -618,29 +631,54 @@ contains
         group_size = size_of(model%joint(group%joint))
     end function group_size
 
-    !> The largest coordinate of joints' markers in their links' axes, how broad the frame is between them, or what their curves reach
-    !> [m]. Where the frame's origin is says nothing.
+    !> How far a joint of a link is from the middle of the link's other joints, the frame being a link, too; or what their curves reach
+    !> [m]. Of a bar it is the length. Where links and the frame have their origins says nothing.
     pure real(wp) function size_of(joint)
         type(joint_type), intent(in) :: joint(:)
-        logical :: is_held(size(joint))               ! by the frame
-        integer, allocatable :: held(:)
-        integer :: j, side
+        real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
+        integer, allocatable :: n(:)
+        real(wp), allocatable :: sum_of(:, :)
+        real(wp) :: apart
+        integer :: j, side, most
 
         size_of = 0
-        is_held = .false.
+        most = 0
         do j = 1, size(joint)
             size_of = max(size_of, joint(j)%reach)
-            do side = 1, 2
-                if (joint(j)%link(side) > 0) size_of = max(size_of, maxval(abs(joint(j)%point(:, side))))
-            end do
-            is_held(j) = any(joint(j)%link == 0) .and. .not. is_pose_part(joint(j)%kind)
+            most = max(most, maxval(joint(j)%link))
         end do
-        if (count(is_held) > 1) then
-            held = pack([(j, j=1, size(joint))], is_held)
-            size_of = max(size_of, breadth(reshape([(joint(held(j))%point(:, findloc(joint(held(j))%link, 0, dim=1)), &
-                                                     j=1, size(held))], [3, size(held)])))
-        end if
+        allocate (n(0:most), source=0)
+        allocate (sum_of(3, 0:most), source=0.0_wp)
+        do j = 1, size(joint)
+            do side = 1, 2
+                if (.not. holds(joint(j), side)) cycle
+                associate (link => joint(j)%link(side))
+                    n(link) = n(link) + 1
+                    sum_of(:, link) = sum_of(:, link) + joint(j)%point(:, side)
+                end associate
+            end do
+        end do
+        do j = 1, size(joint)
+            do side = 1, 2
+                associate (link => joint(j)%link(side), point => joint(j)%point(:, side))
+                    if (.not. holds(joint(j), side)) cycle
+                    if (n(link) < 2) cycle
+                    apart = norm2(point - (sum_of(:, link) - point)/(n(link) - 1))
+                    if (apart > rounding*maxval(abs(point))) size_of = max(size_of, apart)
+                end associate
+            end do
+        end do
         if (size_of < nothing) size_of = 1
+
+    contains
+
+        !> Is it a joint of the link at this side? The frame has none where coordinates give a part of a pose.
+        elemental logical function holds(joint, side)
+            type(joint_type), intent(in) :: joint
+            integer, intent(in) :: side
+
+            holds = joint%link(side) > 0 .or. .not. is_pose_part(joint%kind)
+        end function holds
     end function size_of
 
     !> Does a step turn its link by three angles that are coordinates?

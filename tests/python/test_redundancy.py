@@ -157,6 +157,16 @@ def frame_about(axis: Array) -> Array:
     return np.array([x, np.cross(z, x), z]).T
 
 
+def size_of(scene: dict[str, Any]) -> float:
+    """How far a joint of a link, or of the frame, is from the middle of the others there."""
+    held: dict[str, list[Array]] = {}
+    for joint in scene["joint"]:
+        for link, marker in (name.split(".") for name in joint["between"]):
+            body = scene["frame"] if link == "frame" else next(one for one in scene["link"] if one["name"] == link)
+            held.setdefault(link, []).append(np.array(body["markers"][marker]["at"]))
+    return max(float(np.linalg.norm(p - (sum(points) - p) / (len(points) - 1))) for points in held.values() if len(points) > 1 for p in points)
+
+
 class Statics:
     """Equilibrium of the links of a spatial scene at one pose: A x = b, x the forces and moments of the joints and the drives' torques."""
 
@@ -202,9 +212,7 @@ class Statics:
 
     def least_squares(self) -> Array:
         """The least sum of squares of forces, and of moments over the mechanism's size. Drives are determined."""
-        size = max(abs(x) for link in self.scene["link"] for marker in link["markers"].values() for x in marker["at"])
-        held = [np.array(marker["at"]) for marker in self.scene["frame"]["markers"].values()]
-        size = max(size, *(np.linalg.norm(a - b) / 2 for a in held for b in held))
+        size = size_of(self.scene)
         scale = np.array([size if sort == "moment" else 1.0 for sort in self.sort])
         return scale * np.linalg.lstsq(self.matrix * scale, self.right, rcond=1e-10)[0]
 
