@@ -1,4 +1,4 @@
-!> The command line as a typed value, and the help texts.
+!> The command line as a typed value.
 module linkdyn_cli
     use linkdyn_forward, only: integrator_options, choose_method, method_name, method_rk4
     use linkdyn_generate, only: code_wish, choose_language, choose_kernel, choose_code_results, kernel_name
@@ -6,6 +6,8 @@ module linkdyn_cli
     use linkdyn_code, only: choose_code, code_name
     use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
     use linkdyn_kinds, only: wp
+    use linkdyn_options, only: command_none, command_forward, command_sweep, command_study, command_generate, command_version, &
+        command, command_in_python, option, option_number, is_option_of
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
@@ -13,74 +15,9 @@ module linkdyn_cli
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
-    public :: command_line, argument_type, read_arguments, parse_arguments, print_help
-    public :: command_none, command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate
-    public :: command_version
+    public :: command_line, argument_type, read_arguments, parse_arguments
 
-    integer, parameter :: command_none = 0
-    integer, parameter :: command_inverse = 1
-    integer, parameter :: command_forward = 2
-    integer, parameter :: command_sweep = 3
-    integer, parameter :: command_study = 4
-    integer, parameter :: command_explain = 5
-    integer, parameter :: command_generate = 6
-    integer, parameter :: command_version = 7
-    character(len=10), parameter :: command_name(6) = [character(len=10) :: "inverse", "forward", "sweep", "study", "explain", &
-                                                       "generate"]
-
-    !> A command that the Python package has.
-    type :: python_command_type
-        character(len=10) :: name = ""
-        character(len=48) :: why = ""                !! it is not here
-    end type python_command_type
-
-    type(python_command_type), parameter :: python_command(*) = [ &
-        python_command_type("view", "the page is made by the Python package"), &
-        python_command_type("draw", "the picture is made by the Python package"), &
-        python_command_type("balance", "it is computed by the Python package"), &
-        python_command_type("new", "scenes to start from are in the Python package"), &
-        python_command_type("convert", "files are read by the Python package"), &
-        python_command_type("assemblies", "the table is made by the Python package")]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
-
-    !> What an option is, and of which commands.
-    type :: option_type
-        character(len=12) :: name
-        logical :: takes_value
-        logical :: is_of(size(command_name))         !! in the order of `command_name`
-    end type option_type
-
-    logical, parameter :: T = .true., F = .false.
-    type(option_type), parameter :: option(*) = [ &
-        option_type("--output", T, [T, T, T, T, F, T]), &
-        option_type("--no-output", F, [T, T, F, T, F, F]), &
-        option_type("--csv", F, [T, T, F, F, F, F]), &
-        option_type("--compress", F, [T, T, F, F, F, F]), &
-        option_type("--want", T, [T, T, F, F, F, T]), &
-        option_type("--solver", T, [T, T, T, F, F, F]), &
-        option_type("--threads", T, [T, T, T, F, F, F]), &
-        option_type("--code", T, [T, T, T, F, F, F]), &
-        option_type("--error", F, [T, T, F, F, F, F]), &
-        option_type("--states", T, [T, F, F, F, F, F]), &
-        option_type("--method", T, [F, T, F, F, F, F]), &
-        option_type("--step", T, [F, T, F, F, F, F]), &
-        option_type("--rtol", T, [F, T, F, F, F, F]), &
-        option_type("--atol", T, [F, T, F, F, F, F]), &
-        option_type("--until", T, [F, T, F, T, F, F]), &
-        option_type("--samples", T, [F, T, F, F, F, F]), &
-        option_type("--no-switch", F, [F, T, F, F, F, F]), &
-        option_type("--keep", T, [F, F, T, F, F, F]), &
-        option_type("--sheet", T, [T, T, T, F, F, F]), &
-        option_type("--resume", F, [F, F, T, F, F, F]), &
-        option_type("--yes", F, [F, F, T, F, F, F]), &
-        option_type("--checkpoint", T, [F, F, T, F, F, F]), &
-        option_type("--matrix", F, [F, F, F, F, T, F]), &
-        option_type("--lang", T, [F, F, F, F, F, T]), &
-        option_type("--kernel", T, [F, F, F, F, F, T]), &
-        option_type("--quiet", F, [T, T, T, T, F, T]), &
-        option_type("--help", F, [T, T, T, T, T, T])]
-    character(len=2), parameter :: short_name(3) = ["-o", "-q", "-h"]
-    character(len=8), parameter :: long_name(3) = [character(len=8) :: "--output", "--quiet", "--help"]
 
     !> One word of the command line.
     type :: argument_type
@@ -157,17 +94,17 @@ contains
                 config%help = .true.
                 return
             end select
-            if (any(python_command%name == word)) then
-                call refuse(word//": "//trim(python_command(findloc(python_command%name, word, dim=1))%why) &
+            if (any(command_in_python%name == word)) then
+                call refuse(word//": "//trim(command_in_python(findloc(command_in_python%name == word, .true., dim=1))%text) &
                             //" (expected the command linkdyn that it installs)")
                 return
             end if
-            config%command = findloc(command_name, word, dim=1)
+            config%command = findloc(command%name == word, .true., dim=1)
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected "//one_of([command_name, python_command%name])//")" &
-                            //suggestion(word, [command_name, python_command%name]))
+                call refuse(quoted(word)//": unknown command (expected "//one_of([command%name, command_in_python%name])//")" &
+                            //suggestion(word, [command%name, command_in_python%name]))
             end if
         end associate
         if (.not. status%is_ok()) return
@@ -280,11 +217,11 @@ contains
             value = word(equals + 1:)
             word = word(:equals - 1)
         end if
-        k = option_number(word)
+        k = option_number(word, config%command)
         call check_option(word, k)
         if (.not. status%is_ok()) return
         config%was_given(k) = .true.
-        if (.not. option(k)%takes_value) then
+        if (option(k)%value == "") then
             if (allocated(value)) then
                 call refuse(word//": takes no value")
             else
@@ -311,16 +248,19 @@ contains
             integer, intent(in) :: k
             integer :: c
 
-            associate (command => config%command)
-                if (k == 0) then
-                    call refuse(quoted(word)//": unknown option"//suggestion(word, pack(option%name, option%is_of(command))) &
-                                //" (linkdyn "//trim(command_name(command))//" --help lists the options)")
-                else if (.not. option(k)%is_of(command)) then
-                    c = findloc(option(k)%is_of, .true., dim=1)
-                    call refuse(quoted(word)//": unknown option of linkdyn "//trim(command_name(command)) &
-                                //" (expected with linkdyn "//trim(command_name(c))//")")
-                else if (config%was_given(k)) then
-                    call refuse(word//": given twice (expected once)")
+            associate (this => config%command)
+                if (k > 0) then
+                    if (config%was_given(k)) call refuse(word//": given twice (expected once)")
+                    return
+                end if
+                c = findloc([(option_number(word, c) > 0, c=1, size(command))], .true., dim=1)
+                if (c > 0) then
+                    call refuse(quoted(word)//": unknown option of linkdyn "//trim(command(this)%name) &
+                                //" (expected with linkdyn "//trim(command(c)%name)//")")
+                else
+                    call refuse(quoted(word)//": unknown option" &
+                                //suggestion(word, pack(option%name, is_option_of(this, option))) &
+                                //" (linkdyn "//trim(command(this)%name)//" --help lists the options)")
                 end if
             end associate
         end subroutine check_option
@@ -435,24 +375,11 @@ contains
         end subroutine refuse
     end subroutine take_word
 
-    !> The place of an option in the list, by its long or short name; 0: it is not there.
-    pure integer function option_number(word)
-        character(len=*), intent(in) :: word
-        integer :: k
-
-        k = findloc(short_name, word, dim=1)
-        if (k > 0 .and. len(word) == len(short_name)) then
-            option_number = findloc(option%name, long_name(k), dim=1)
-        else
-            option_number = findloc(option%name, word, dim=1)
-        end if
-    end function option_number
-
     pure logical function is_given(config, name)
         type(command_line), intent(in) :: config
         character(len=*), intent(in) :: name
 
-        is_given = config%was_given(option_number(name))
+        is_given = config%was_given(option_number(name, config%command))
     end function is_given
 
     !> The number, or -1 if the text is none.
@@ -465,186 +392,4 @@ contains
         read (text, *, iostat=code) whole_number
         if (code /= 0) whole_number = -1
     end function whole_number
-
-    !> Help on the command, or in general.
-    subroutine print_help(command, unit)
-        integer, intent(in) :: command               !! one of `command_*`
-        integer, intent(in) :: unit
-
-        select case (command)
-        case (command_inverse)
-            call print_inverse_help(unit)
-        case (command_forward)
-            call print_forward_help(unit)
-        case (command_sweep)
-            call print_sweep_help(unit)
-        case (command_study)
-            call print_study_help(unit)
-        case (command_generate)
-            call print_generate_help(unit)
-        case (command_explain)
-            write (unit, "(a)") &
-                "linkdyn explain SCENE [--matrix]", &
-                "", &
-                "Says what is modelled: links, joints, equations and unknowns, the order of computation,", &
-                "and what was left out.", &
-                "", &
-                "  --matrix     write out the equations [A]{F} = b at the first instant, in symbols and in numbers", &
-                "  -h, --help   this text"
-        case default
-            write (unit, "(a)") &
-                "linkdyn: forces and motion of link mechanisms", &
-                "", &
-                "  linkdyn inverse SCENE [options]   driving forces and joint reactions along a motion", &
-                "  linkdyn forward SCENE [options]   motion and joint reactions from driving forces", &
-                "  linkdyn sweep SCENE [options]     peaks over a workspace, load cases and designs", &
-                "  linkdyn study SCENE [options]     time against error of every solver and integrator", &
-                "  linkdyn generate SCENE [options]  C code of forces or motion, for controllers", &
-                "  linkdyn view SCENE|RUN.nc         an interactive picture; needs the Python package", &
-                "  linkdyn draw SCENE                a picture of the mechanism; needs the Python package", &
-                "  linkdyn balance SCENE             counterweights against shaking forces; needs the Python package", &
-                "  linkdyn new [KIND]                a scene to start from; needs the Python package", &
-                "  linkdyn convert SCENE|ROBOT       a scene of MJCF or URDF, MJCF of a scene; needs the Python package", &
-                "  linkdyn assemblies SCENE          ways in which it closes at the start; needs the Python package", &
-                "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
-                "", &
-                "  linkdyn COMMAND --help            options of a command", &
-                "  linkdyn --version", &
-                "", &
-                "Exit status: 0 done; 2 bad input or a file that cannot be written (one line says which", &
-                "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
-        end select
-    end subroutine print_help
-
-    subroutine print_generate_help(unit)
-        integer, intent(in) :: unit
-
-        write (unit, "(a)") &
-            "linkdyn generate SCENE [options]", &
-            "", &
-            "One file of C99 and its header that compute a kernel of the scene: without memory to allocate, without", &
-            "libraries, in a time that does not vary; for controllers, Simulink, ROS 2 and whatever compiles C.", &
-            "", &
-            "  -o, --output FILE   the files, with .c and .h behind; identifiers begin with its name; default: the", &
-            "                      scene's name with _inverse, _forward or _kinematics in this folder", &
-            "  --lang NAME         the language: c", &
-            "  --kernel NAME       inverse (default: driving forces from q, qd, qdd and loads), forward (qdd from q, qd,", &
-            "                      loads and driving forces), kinematics (links and joints from q and qd)", &
-            "  --want LIST         driving_force, reaction, joint_variable, position, velocity (the last two of kinematics", &
-            "                      only) or all (if none is named: driving_force of inverse, all of kinematics, of", &
-            "                      forward nothing beside qdd)", &
-            "  -q, --quiet         do not say what was written", &
-            "  -h, --help          this text"
-    end subroutine print_generate_help
-
-    subroutine print_study_help(unit)
-        integer, intent(in) :: unit
-
-        write (unit, "(a)") &
-            "linkdyn study SCENE [options]", &
-            "", &
-            "Runs every solver at up to 48 instants of the scene's motion and every integrator, down a ladder of", &
-            "tolerances or steps, from its start on; prints time and error of each and recommends. Errors are", &
-            "taken against the quadruple twin, linkdyn-real128, where it is built (make real128; beside this", &
-            "executable, or where LINKDYN_REAL128 says), else against the most careful result of its own.", &
-            "", &
-            "  -o, --output FILE   the table as CSV; default: the scene's name with _study.csv in this folder", &
-            "  --no-output         only print it", &
-            "  --until T           end of the forward runs in s; default: the end of the scene's [time]", &
-            "  -q, --quiet         only write it", &
-            "  -h, --help          this text"
-    end subroutine print_study_help
-
-    subroutine print_sweep_help(unit)
-        integer, intent(in) :: unit
-
-        write (unit, "(a)") &
-            "linkdyn sweep SCENE [options]", &
-            "", &
-            "What the table [sweep] of the scene asks for: extremes with their places, means, histograms and", &
-            "feasibility over all combinations of poses, loads and designs. Memory does not grow with their number.", &
-            "", &
-            "  -o, --output FILE   results; default: the scene's name with _sweep.nc in this folder", &
-            "  --keep LIST         keep these quantities of every sample, too (names as in 'reduce', with", &
-            "                      commas between)", &
-            "  --sheet FILE        sizing sheet, .html or .pdf; results go beside it as .nc if no --output is given;", &
-            "                      needs the Python package", &
-            "  --threads N         threads to compute with; default 1; the results do not depend on it", &
-            "  --resume            go on where an interrupted run of the same sweep stands", &
-            "  --yes               start though it is large or long", &
-            "  --checkpoint S      seconds between two checkpoints; default 5", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
-            "                      or gauss-jordan-plain (for comparison only)", &
-            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
-            "                      best; the results do not depend on it", &
-            "  -q, --quiet         no table and no progress", &
-            "  -h, --help          this text"
-    end subroutine print_sweep_help
-
-    subroutine print_forward_help(unit)
-        integer, intent(in) :: unit
-
-        write (unit, "(a)") &
-            "linkdyn forward SCENE [options]", &
-            "", &
-            "Motion, joint reactions and energies from the laws of the scene's actuators, from its start on.", &
-            "", &
-            "  -o, --output FILE   results: netCDF-4, or a table if its name ends in .csv; default: the scene's name", &
-            "                      with .nc (or .csv) in this folder", &
-            "  --csv               a CSV table instead of netCDF-4", &
-            "  --no-output         keep nothing but the summary", &
-            "  --until T           end of the run in s; default: the end of the scene's [time]", &
-            "  --samples N         instants of output, both ends included; default: the scene's", &
-            "  --method NAME       rk8pd (default; without GSL: gbs), rkf45, gbs (many digits), seulex or msbdf", &
-            "                      (stiff scenes), rk4 (fixed step)", &
-            "  --step H            fixed step, or the first one tried, in s; default 0.001", &
-            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9, most 1e-4; rk4 has none", &
-            "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
-            "                      to five times as long", &
-            "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &
-            "                      is integrated in its place, and the summary says so", &
-            "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
-            "                      friction, motor, controller, clutch, cylinder, or all (default), with commas between;", &
-            "                      the rest is not computed", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
-            "                      or gauss-jordan-plain (for comparison only)", &
-            "  --threads N         threads for the forces at output instants; default 1", &
-            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
-            "                      best; the results do not depend on it", &
-            "  --compress          compress the netCDF file", &
-            "  --sheet FILE        sheet of drives, bearings, limits and pictures, .html or .pdf; results go beside it as", &
-            "                      .nc if no --output is given; needs the Python package", &
-            "  -q, --quiet         no table and no progress", &
-            "  -h, --help          this text"
-    end subroutine print_forward_help
-
-    subroutine print_inverse_help(unit)
-        integer, intent(in) :: unit
-
-        write (unit, "(a)") &
-            "linkdyn inverse SCENE [options]", &
-            "", &
-            "Driving forces and joint reactions along the motion that the scene file gives.", &
-            "", &
-            "  -o, --output FILE   results: netCDF-4, or a table if its name ends in .csv; default: the scene's name", &
-            "                      with .nc (or .csv) in this folder", &
-            "  --csv               a CSV table instead of netCDF-4", &
-            "  --no-output         keep nothing but the summary: for runs of any length", &
-            "  --want LIST         driving_force, reaction, joint_variable, power, checks, friction, motor, or all of", &
-            "                      these (default); and rcond, singularity_distance, which take longer; with commas between;", &
-            "                      what is not named is not computed", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced (gives all but the", &
-            "                      reactions), or gauss-jordan-plain (for comparison only)", &
-            "  --error             also estimate the error of every force: takes up to three times as long", &
-            "  --states FILE       q, qd, qdd from a CSV file, as written with --csv, instead of the", &
-            "                      scene's motion: a row a sample; columns as the results have them", &
-            "  --threads N         threads to compute with; default 1", &
-            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
-            "                      best; the results do not depend on it", &
-            "  --compress          compress the netCDF file", &
-            "  --sheet FILE        sheet of drives, bearings, limits and pictures, .html or .pdf; results go beside it as", &
-            "                      .nc if no --output is given; needs the Python package", &
-            "  -q, --quiet         no table and no progress", &
-            "  -h, --help          this text"
-    end subroutine print_inverse_help
 end module linkdyn_cli

@@ -1,7 +1,6 @@
 !> The executable: parse, dispatch, exit status.
 program linkdyn
-    use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments, print_help, &
-        command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate, command_version
+    use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments
     use linkdyn_drive_forward, only: drive_forward
     use linkdyn_drive_generate, only: drive_generate
     use linkdyn_drive_inverse, only: drive_inverse, load_model
@@ -9,8 +8,11 @@ program linkdyn
     use linkdyn_drive_sweep, only: drive_sweep
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
+    use linkdyn_help, only: print_help
     use linkdyn_interrupt, only: settle_signals
     use linkdyn_model, only: model_type
+    use linkdyn_options, only: command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate, &
+        command_version
     use linkdyn_report, only: open_report, print_report
     use linkdyn_status, only: status_type
     use linkdyn_terminal, only: start_progress, show_stage, end_progress, say, leave_program

@@ -13,9 +13,8 @@ SOURCES = Path(__file__).resolve().parent.parent / "python"
 COMMAND = re.compile(r"^  linkdyn (\w+) (SCENE\S*|\[KIND\])(?: \[options\])? +(.*)$", re.M)
 OPTION = re.compile(r"^  (-.*?)  +(\S.*(?:\n {8,}\S.*)*)", re.M)
 SUFFIXES = {"SCENE": ["toml"], "SCENE|RUN.nc": ["toml", "nc"], "SCENE|ROBOT": ["toml", "xml", "urdf"], "[KIND]": []}
-IN_PACKAGE = {"view": "_commands.view", "draw": "_commands.draw", "balance": "_commands.balance", "new": "_commands.new", "assemblies": "_commands.assemblies",
-              "convert": "_commands.convert"}
-"""Commands that are a part of the Python package, and where."""
+IN_PACKAGE = {file.stem for file in (SOURCES / "linkdyn" / "_commands").glob("[a-z]*.py")}
+"""Commands that are a part of the Python package, which has a module for each."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +52,14 @@ class Command:
 
 
 def parse_options(text: str) -> tuple[Option, ...]:
-    """The lines of a help text that start with an option. Names end with what they take: "--rtol R, --atol A" are two options."""
-    found = []
-    for heads, meaning in OPTION.findall(text):
-        names: list[str] = []
-        for head in heads.split(", "):
-            name, _, value = head.partition(" ")
-            names.append(name)
-            if value or head is heads.split(", ")[-1]:
-                found.append(Option(tuple(names), value, " ".join(meaning.split())))
-                names = []
-        if names:
-            found.append(Option(tuple(names), "", " ".join(meaning.split())))
-    return tuple(found)
+    """The lines of a help text that start with an option, as "-o, --output FILE"."""
+
+    def option(head: str, meaning: str) -> Option:
+        *others, last = head.split(", ")
+        name, _, value = last.partition(" ")
+        return Option((*others, name), value, " ".join(meaning.split()))
+
+    return tuple(option(head, meaning) for head, meaning in OPTION.findall(text))
 
 
 def command_in_package(name: str, argument: str, summary: str) -> Command:
@@ -73,7 +67,7 @@ def command_in_package(name: str, argument: str, summary: str) -> Command:
     if str(SOURCES) not in sys.path:
         sys.path.insert(0, str(SOURCES))
     sys.dont_write_bytecode = True
-    module = importlib.import_module(f"linkdyn.{IN_PACKAGE[name]}")
+    module = importlib.import_module(f"linkdyn._commands.{name}")
     parser = module.parser()
     options = tuple(Option(tuple(a.option_strings), a.metavar or "", a.help or "") for a in parser._actions if a.option_strings)
     words = tuple(module.kinds()) if argument == "[KIND]" else ()

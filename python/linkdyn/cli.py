@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from ._listing import only
@@ -14,6 +15,10 @@ __all__ = ["executable", "main", "quadruple_twin"]
 __dir__ = only(__all__)
 
 PROGRAMS = Path(__file__).parent / "_bin"
+OF_PACKAGE = ("new", "draw", "convert", "balance")
+"""Commands of the package alone."""
+BESIDE_EXECUTABLE = ("view", "assemblies")
+"""Commands of the package that go with an executable."""
 WITH_SHEET = ("inverse", "forward", "sweep")
 """Commands whose results a sheet can be drawn of."""
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
@@ -50,39 +55,27 @@ def main() -> None:
     """Become the executable, with the same arguments; stay for what the package does itself."""
     _end_at_interrupts()
     arguments = sys.argv[1:]
-    if arguments[:1] == ["new"]:
-        from ._commands.new import new_command
-
-        sys.exit(new_command(arguments[1:]))
-    if arguments[:1] == ["draw"]:
-        from ._commands.draw import draw_command
-
-        sys.exit(draw_command(arguments[1:]))
-    if arguments[:1] == ["convert"]:
-        from ._commands.convert import convert_command
-
-        sys.exit(convert_command(arguments[1:]))
-    if arguments[:1] == ["balance"]:
-        from ._commands.balance import balance_command
-
-        sys.exit(balance_command(arguments[1:]))
+    name = arguments[0] if arguments else ""
+    if name in OF_PACKAGE:
+        sys.exit(_command(name)(arguments[1:]))
     try:
         path = executable()
     except FileNotFoundError as error:
         sys.exit(str(error))
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
-    if arguments[:1] == ["view"]:
-        from ._commands.view import view_command
-
-        sys.exit(view_command(arguments[1:]))
-    if arguments[:1] == ["assemblies"]:
-        from ._commands.assemblies import assemblies_command
-
-        sys.exit(assemblies_command(arguments[1:]))
+    if name in BESIDE_EXECUTABLE:
+        sys.exit(_command(name)(arguments[1:]))
     if _asks_for_sheet(arguments):
         sys.exit(_run_with_sheet(path, arguments))
     os.execv(path, ["linkdyn", *arguments])
+
+
+def _command(name: str) -> Callable[[Sequence[str]], int]:
+    """What a command of the package does with its arguments; the exit status."""
+    module = import_module(f"._commands.{name}", __package__)
+    function: Callable[[Sequence[str]], int] = getattr(module, f"{name}_command")
+    return function
 
 
 def _end_at_interrupts() -> None:
