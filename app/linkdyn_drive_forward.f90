@@ -167,7 +167,7 @@ contains
         end do
         call show_stage("writing")
         call note_run(watched%run, output, status)
-        call note_events(watched%run%own%scene, watched%run%system%log, output, status)
+        call note_events(watched%run%own%scene, watched%run%system%way%log, output, status)
         call note_roads(summary%roads, output, status)
         call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
@@ -216,7 +216,7 @@ contains
         integer :: i
 
         if (n_event(run%own%scene) == 0) return
-        associate (log => run%system%log)
+        associate (log => run%system%way%log)
             if (log%n == 0) write (unit, "(a)") "  events           none"
             do i = 1, min(log%n, most)
                 write (unit, "(a)") merge("  events           ", repeat(" ", 19), i == 1)// &

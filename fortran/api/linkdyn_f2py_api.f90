@@ -728,7 +728,7 @@ contains
             coordinates = coordinates_in_words(here%watched%run)
             tolerance = tolerance_in_words(here%watched%run)
             rounding = rounding_in_words(here%watched%run)
-            n_event = here%watched%run%system%log%n
+            n_event = here%watched%run%system%way%log%n
             if (here%watched%run%is_over .and. here%watched%n_pending == 0) is_over = 1
         end if
         call leave_run(run_handle, here)
@@ -752,12 +752,12 @@ contains
         if (status%code == 0) then
             n_q = here%model%n_q
             call check_size("states", int(n_values, int64), 3*n_q, n, status)
-            if (status%code == 0 .and. n > here%watched%run%system%log%n) &
+            if (status%code == 0 .and. n > here%watched%run%system%way%log%n) &
                 call fail(status, status_bad_input, "there are fewer events than that")
         end if
         if (status%code == 0) then
             do i = 1, n
-                associate (entry => here%watched%run%system%log%entry(i))
+                associate (entry => here%watched%run%system%way%log%entry(i))
                     kinds(3*i - 2:3*i) = [entry%event, entry%kind, entry%direction]
                     instants(3*i - 2:3*i) = [entry%t, entry%impulse, entry%loss]
                     states(3*n_q*(i - 1) + 1:3*n_q*i) = [entry%q, entry%qd, entry%qd_after]

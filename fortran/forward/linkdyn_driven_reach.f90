@@ -31,7 +31,7 @@ contains
         integer :: k
 
         text = ""
-        associate (model => run%model, here => run%system%assembly, is_driven => run%system%layout%rate == 0)
+        associate (model => run%model, here => run%system%way%assembly, is_driven => run%system%layout%rate == 0)
             if (.not. (any(is_driven) .and. here%is_needed)) return
             lost%from = here%q(1, :)
             lost%to = lost%from

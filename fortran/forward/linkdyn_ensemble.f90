@@ -144,7 +144,7 @@ contains
                 run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
                 run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
                 run%system%may_record = teller%may_record
-                run%system%n_before_record = 0
+                run%system%way%n_before_record = 0
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%fill_cylinders(options%t_start, run%y, status)
@@ -162,12 +162,13 @@ contains
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
                     outcome(member(i)) = sample_ok
-                    if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
+                    if (.not. run%integrator%failed(i)) cycle
+                    if (run%system%way%final_event(i) == 0 .or. run%system%way%is_driven_through(i)) &
                         outcome(member(i)) = why_stopped(run, i)
                 end do
                 call count_change_points(run, t(size(t)), passed)
                 n_crossed(member) = passed
-                of_block(block) = run%system%log
+                of_block(block) = run%system%way%log
             end if
             call finish_forward(run)
         end subroutine run_block
@@ -178,7 +179,7 @@ contains
             type(forward_run), intent(in) :: run
             integer, intent(in) :: lane
 
-            outcome = run%system%obstacle(lane)
+            outcome = run%system%way%obstacle(lane)
             if (outcome == sample_ok .or. reason_of_solution(run%y(lane, :)) == stop_growth) outcome = sample_undefined
         end function why_stopped
 
@@ -193,9 +194,9 @@ contains
             do i = 1, n_stop(model%scene)
                 associate (stop => model%scene%stop(i))
                     if (.not. stop%is_hard) cycle
-                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%stops%rests(:, i))
+                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%way%stops%rests(:, i))
                         run%integrator%failed = .true.
-                        run%system%obstacle = sample_unreachable
+                        run%system%way%obstacle = sample_unreachable
                     end where
                 end associate
             end do
@@ -211,7 +212,7 @@ contains
             call find_passed(run%system, instant, run%output, passed)
             where (passed > 0 .and. .not. run%integrator%failed)
                 run%integrator%failed = .true.
-                run%system%obstacle = sample_undefined
+                run%system%way%obstacle = sample_undefined
             end where
         end subroutine leave_those_that_passed
 
@@ -224,10 +225,12 @@ contains
             logical :: failed(lanes)
 
             passed = 0
-            if (.not. run%system%assembly%is_needed) return
+            if (.not. run%system%way%assembly%is_needed) return
             call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
-            passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
-                           run%system%workspace%state), failed .or. run%integrator%failed)
+            associate (assembly => run%system%way%assembly)
+                passed = merge(assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), assembly, &
+                                                                run%system%workspace%state), failed .or. run%integrator%failed)
+            end associate
         end subroutine count_change_points
 
         !> With a pause now and then to hear whether to stop.

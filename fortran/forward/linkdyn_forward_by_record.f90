@@ -59,7 +59,7 @@ contains
             if (self%may_record) call record_motion(self, t, shared)
         end associate
         call release_records()
-        self%n_before_record = min(self%n_before_record, self%n_accepted*self%evaluations_a_step)
+        self%way%n_before_record = min(self%way%n_before_record, self%way%n_accepted*self%evaluations_a_step)
         if (self%may_record) call help_lanes(self)
     end procedure make_record
 
@@ -88,8 +88,8 @@ contains
     subroutine help_lanes(self)
         class(forward_system), intent(inout) :: self
 
-        nullify (self%assembly%closer)
-        if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
+        nullify (self%way%assembly%closer)
+        if (self%record%recorded%closing%is_usable) self%way%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
 
     !> dy/dt of the lanes used; the arrays may end there.
@@ -103,7 +103,7 @@ contains
             call take_rates(n, self%record, y, self%workspace%acceleration, rate)
             if (self%record%stands_still) return
             call pack_control_rates(self%layout, n, self%control, rate)
-            if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%motors, rate)
+            if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%way%motors, rate)
             if (self%has_cylinders) call pack_pressure_rates(self%model, self%layout, n, self%cylinders, rate)
             if (self%may_jump) call self%note_mode(self%record%samples%mode(:n), rate, is_left)
         end associate
@@ -117,11 +117,11 @@ contains
         logical, intent(inout) :: is_left(:)           !! that the record does not serve
 
         associate (n => self%n_used)
-            call place_still(self%model, self%assembly, n, y, self%record)
+            call place_still(self%model, self%way%assembly, n, y, self%record)
             call run_states(n, self%record, y, laws_are_there=.true.)
-            if (self%assembly%is_needed) then
-                call leave_doubtful(self%model, self%assembly, n, t, self%record)
-                call leave_far(self%model, self%layout, self%assembly, n, y, self%record%samples%is_left)
+            if (self%way%assembly%is_needed) then
+                call leave_doubtful(self%model, self%way%assembly, n, t, self%record)
+                call leave_far(self%model, self%layout, self%way%assembly, n, y, self%record%samples%is_left)
             end if
             is_left(:n) = self%record%samples%is_left(:n)
         end associate
@@ -137,27 +137,27 @@ contains
 
         associate (n => self%n_used, samples => self%record%samples)
             call self%find_given_forces(t(:n), self%record%given_force, is_left)
-            call place_states(self%model, self%layout, self%assembly, n, t, y, self%turns, self%by_inverse, self%record)
+            call place_states(self%model, self%layout, self%way%assembly, n, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, n, self%touches(), self%record)
             if (has_sticking(self%model)) call place_senses(self, n)
             samples%is_left(:n) = samples%is_left(:n) .or. is_left(:n)
-            call close_states(self%model, self%assembly, n, self%record)
+            call close_states(self%model, self%way%assembly, n, self%record)
             changes_efforts = self%has_motor_laws .or. self%has_cylinders .or. self%control%state%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
             if (self%has_cylinders) &
                 call drive_record_by_cylinders(self%model, self%layout, n, y, self%record, self%cylinders)
             if (self%has_motor_laws) &
-                call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
+                call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%way%motors)
             if (size(self%equations%lossy) > 0) then
                 call run_losing(self%model, self%equations%lossy, n, self%record)
             else
                 call run_states(n, self%record, y, laws_are_there=changes_efforts)
             end if
-            if (self%assembly%is_needed) then
-                call leave_doubtful(self%model, self%assembly, n, t, self%record)
-                call leave_far(self%model, self%layout, self%assembly, n, y, samples%is_left)
-                call keep_stages(self%assembly, n, self%record)
+            if (self%way%assembly%is_needed) then
+                call leave_doubtful(self%model, self%way%assembly, n, t, self%record)
+                call leave_far(self%model, self%layout, self%way%assembly, n, y, samples%is_left)
+                call keep_stages(self%way%assembly, n, self%record)
             end if
             is_left(:n) = samples%is_left(:n)
         end associate
@@ -170,7 +170,7 @@ contains
         real(wp) :: sense(lanes, n_part, size(self%model%contact))
 
         sense = 0
-        call tell_contacts(self%model, self%clutch%sense, sense)
+        call tell_contacts(self%model, self%way%clutch%sense, sense)
         self%record%samples%sense(:, :n) = transpose(reshape(sense(:n, :, :), [n, n_part*size(sense, 3)]))
     end subroutine place_senses
 
@@ -193,22 +193,22 @@ contains
         integer :: obstacle(lanes), first, lane, n_used
         logical :: failed(lanes), is_left(lanes)
 
-        carried = self%assembly
-        obstacle = self%obstacle
+        carried = self%way%assembly
+        obstacle = self%way%obstacle
         turns = self%turns
         n_used = self%n_used
         self%n_used = lanes
-        call begin_assembly(self%model, t, self%assembly)
+        call begin_assembly(self%model, t, self%way%assembly)
         self%turns = 0
         self%may_be_torn = .true.
         do first = 1, size(pose, 2), lanes
             call set_in_motion(pose, first, q, qd)
             call fill_start(self%model, self%layout, q, qd, y)
             ! Groups are led from the start; closed forms have no way to there.
-            if (self%assembly%is_needed .and. size(self%model%group) == 0) self%assembly%q = q
+            if (self%way%assembly%is_needed .and. size(self%model%group) == 0) self%way%assembly%q = q
             call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
-            if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
-            if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%assembly)
+            if (self%way%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
+            if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%way%assembly)
             call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
             if (self%record%recorded%looks%is_made) then
                 call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
@@ -222,8 +222,8 @@ contains
                 call of_looks%note(sees_the_same(lane))
             end do
         end do
-        self%assembly = carried
-        self%obstacle = obstacle
+        self%way%assembly = carried
+        self%way%obstacle = obstacle
         self%turns = turns
         self%n_used = n_used
         self%may_be_torn = .false.
@@ -236,7 +236,7 @@ contains
             integer, intent(in) :: lane
 
             has_same_margins = .true.
-            if (.not. self%assembly%is_needed) return
+            if (.not. self%way%assembly%is_needed) return
             associate (found => self%record%samples%found(lane, :), out => self%record%recorded%out, n => self%model%n_branch)
                 ! either may vanish: sines compare with one, and so do their rates while coordinates have rates of about one
                 has_same_margins = are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, found(out%margin:out%margin + n - 1)]) &

@@ -24,12 +24,12 @@ contains
     module procedure begin_with_clutches
 
         if (n_clutch(self%model%scene) == 0) return
-        self%clutch%t_accepted = t
+        self%way%clutch%t_accepted = t
         call note_ease(self, spread(t, 1, lanes), y)
-        self%clutch%begins = .true.
+        self%way%clutch%begins = .true.
         call self%switch_now(t, y)
         call loosen_what_cannot_hold(self, spread(t, 1, lanes), y)
-        self%clutch%begins = .false.
+        self%way%clutch%begins = .false.
     end procedure begin_with_clutches
 
     !> Friction that slides presses joints otherwise than what holds: who is found to hold by more than its grip slips from here.
@@ -44,12 +44,12 @@ contains
         integer :: i, k
 
         if (.not. has_sticking(self%model)) return
-        is_closed = self%clutch%is_closed
+        is_closed = self%way%clutch%is_closed
         do i = 1, size(cannot, 2)
             call self%evaluate_on_lanes(t, y, rate, failed)
             do k = 1, size(cannot, 2)
-                cannot(:, k) = self%clutch%holds(:, k) .and. self%model%scene%clutch(k)%friction > 0 &
-                               .and. carried_load(self%model, k, self%clutch) > (1 + rounding)*self%clutch%capacity(:, k)
+                cannot(:, k) = self%way%clutch%holds(:, k) .and. self%model%scene%clutch(k)%friction > 0 &
+                               .and. carried_load(self%model, k, self%way%clutch) > (1 + rounding)*self%way%clutch%capacity(:, k)
             end do
             if (.not. any(cannot)) return
             call engage(self, t, y, is_closed, cannot)
@@ -71,7 +71,7 @@ contains
         call self%evaluate_on_lanes(t, y, rate, failed)
         call find_responses(self, takes_part, .false., response, of_coordinates)
         do i = 1, n_clutch(self%model%scene)
-            self%clutch%ease(:, i) = response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i)
+            self%way%clutch%ease(:, i) = response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i)
         end do
     end subroutine note_ease
 
@@ -83,10 +83,10 @@ contains
         if (present(is_changed)) is_changed = .false.
         if (n_clutch(self%model%scene) == 0) return
         do i = 1, size(is_closed, 2)
-            is_closed(:, i) = is_on(self%model%scene%clutch(i)%switch_spec, t + 4*spacing(t), self%clutch%switched(:, i), &
-                                    self%clutch%was_closed(:, i))
+            is_closed(:, i) = is_on(self%model%scene%clutch(i)%switch_spec, t + 4*spacing(t), self%way%clutch%switched(:, i), &
+                                    self%way%clutch%was_closed(:, i))
         end do
-        if (all(is_closed .eqv. self%clutch%is_closed)) return
+        if (all(is_closed .eqv. self%way%clutch%is_closed)) return
         none = .false.
         call engage(self, spread(t, 1, lanes), y, is_closed, none)
         if (present(is_changed)) is_changed = .true.
@@ -108,9 +108,9 @@ contains
         logical :: is_part(n_clutch(self%model%scene))
         integer :: i
 
-        if (.not. is_clutched(self%clutch)) return
+        if (.not. is_clutched(self%way%clutch)) return
         is_part = goes_with_others(self%model%scene)
-        if (.not. any(spread(is_part, 1, lanes) .and. abs(self%clutch%sense) > 0)) return
+        if (.not. any(spread(is_part, 1, lanes) .and. abs(self%way%clutch%sense) > 0)) return
         call self%look_closely(t, y)
         slip = slips(self%model, self%look, level_velocity)
         speed = slip_speeds(self%model, slip)
@@ -118,8 +118,8 @@ contains
         still_speed = still_speeds(self%model)
         do i = 1, size(slip, 2)
             if (.not. is_part(i)) cycle
-            where (is_accepted .and. self%clutch%is_closed(:, i) .and. .not. self%clutch%holds(:, i) &
-                   .and. speed(:, i) > still_speed(i)) self%clutch%sense(:, i) = sense(:, i)
+            where (is_accepted .and. self%way%clutch%is_closed(:, i) .and. .not. self%way%clutch%holds(:, i) &
+                   .and. speed(:, i) > still_speed(i)) self%way%clutch%sense(:, i) = sense(:, i)
         end do
     end procedure follow_slips
 
@@ -137,25 +137,25 @@ contains
         is_part = goes_with_others(self%model%scene)
         alone = .not. spread(is_part, 1, lanes)
         y_before = y
-        held = self%clutch%holds
-        was_closed = self%clutch%is_closed
+        held = self%way%clutch%holds
+        was_closed = self%way%clutch%is_closed
         must_slip = has_crossed .and. held .and. is_closed
-        where (must_slip) self%clutch%loosened = spread(t, 2, size(held, 2))
+        where (must_slip) self%way%clutch%loosened = spread(t, 2, size(held, 2))
         ! What has broken loose at this instant does not hold again before anything has moved: others that do so then would hold
         ! in turn, without end.
         must_slip = must_slip .or. (is_closed .and. .not. held .and. spread(self%model%scene%clutch%friction > 0, 1, lanes) &
-                                    .and. self%clutch%loosened >= spread(t - same_instant*spacing(t), 2, size(held, 2)))
+                                    .and. self%way%clutch%loosened >= spread(t - same_instant*spacing(t), 2, size(held, 2)))
         is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)
         positive = spread(self%model%scene%clutch%is_positive, 1, lanes)
         call note_slips(self, t, y, was_closed, held)
-        self%clutch%is_closed = is_closed
-        self%clutch%holds = held .and. is_closed
-        where (.not. is_closed) self%clutch%sense = 0
+        self%way%clutch%is_closed = is_closed
+        self%way%clutch%holds = held .and. is_closed
+        where (.not. is_closed) self%way%clutch%sense = 0
         locks = is_closed .and. .not. was_closed .and. positive
         impulse = 0
         loss = 0
         opens = .false.
-        rested = self%stops%rests
+        rested = self%way%stops%rests
         if (any(locks)) call lock(self, t, y, positive .and. is_closed .and. spread(any(locks, dim=2), 2, size(locks, 2)), &
                                   impulse, loss, opens)
         ! A surface that has turned right round while it slid has slipped at a right angle in between, and had not come to rest.
@@ -164,10 +164,10 @@ contains
         call decide(self, t, y, is_concerned, is_free, must_slip, positive)
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
-            self%clutch%longest(lane) = 0
+            self%way%clutch%longest(lane) = 0
             do i = 1, size(locks, 2)
                 associate (e => self%model%scene%clutch(i)%event)
-                    call set_guard(lane, i, is_part(i), self%clutch, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    call set_guard(lane, i, is_part(i), self%way%clutch, self%guard_side(lane, e), self%guard_scale(lane, e))
                 end associate
             end do
         end do
@@ -192,14 +192,14 @@ contains
 
         subroutine tell()
             do lane = 1, lanes
-                if (.not. is_concerned(lane) .or. (self%clutch%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
+                if (.not. is_concerned(lane) .or. (self%way%clutch%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
                 do i = 1, size(locks, 2)
                     if (.not. tells(self%model%scene, i)) cycle
                     if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
                         call note(kind_open)
-                    else if (self%clutch%holds(lane, i) .and. .not. held(lane, i)) then
+                    else if (self%way%clutch%holds(lane, i) .and. .not. held(lane, i)) then
                         call note(merge(kind_close, kind_stick, locks(lane, i)))
-                    else if (held(lane, i) .and. .not. self%clutch%holds(lane, i)) then
+                    else if (held(lane, i) .and. .not. self%way%clutch%holds(lane, i)) then
                         call note(kind_slip)
                     else if (is_closed(lane, i) .and. .not. was_closed(lane, i)) then
                         call note(kind_close)
@@ -213,7 +213,7 @@ contains
             type(event_entry) :: entry
 
             entry%kind = kind
-            if (.not. is_part(i)) entry%direction = nint(self%clutch%sense(lane, i))
+            if (.not. is_part(i)) entry%direction = nint(self%way%clutch%sense(lane, i))
             entry%impulse = size_of_impulse(self%model%scene, i, impulse(lane, :))
             if (findloc(locks(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
             call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
@@ -252,7 +252,7 @@ contains
         call self%look_closely(t, y)
         slip = slip_speeds(self%model, slips(self%model, self%look, level_velocity))
         do i = 1, size(slip, 2)
-            associate (fastest => self%clutch%fastest(:, i), e => self%model%scene%clutch(i)%event)
+            associate (fastest => self%way%clutch%fastest(:, i), e => self%model%scene%clutch(i)%event)
                 where (was_closed(:, i)) fastest = max(fastest, self%guard_scale(:, e), slip(:, i))
                 where (held(:, i)) fastest = max(fastest, slip(:, i))
             end associate
@@ -279,7 +279,7 @@ contains
         sense = slip_senses(self%model, slip)
         slip = slip_speeds(self%model, slip)
         still_speed = still_speeds(self%model)
-        associate (of => self%clutch)
+        associate (of => self%way%clutch)
             do i = 1, size(slip, 2)
                 where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), slip(:, i))
             end do
@@ -320,7 +320,7 @@ contains
         is_lock(:, :n) = .false.
         is_lock(:, n + 1:) = locks
         takes_part = is_lock
-        takes_part(:, :n) = self%stops%rests .and. spread(has_locked, 2, n)
+        takes_part(:, :n) = self%way%stops%rests .and. spread(has_locked, 2, n)
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         call energy_of_motion(self%model, self%look, energy_before, kinetic)
@@ -328,7 +328,7 @@ contains
         call find_responses(self, takes_part, .true., response, of_coordinates)
         do lane = 1, lanes
             call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
-                              before(lane, :), self%stops%hardest(lane), push(lane, :), leaves(lane, :), gives_way(lane, :))
+                              before(lane, :), self%way%stops%hardest(lane), push(lane, :), leaves(lane, :), gives_way(lane, :))
         end do
         call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
         impulse = push(:, n + 1:)
@@ -342,18 +342,19 @@ contains
             call count_drives_work(self%layout, has_locked, energy_after - energy_before, loss, y)
         do i = 1, size(locks, 2)
             where (locks(:, i) .and. abs(after(:, n + i)) > small*maxval(abs(before), dim=2, mask=is_lock))
-                self%is_driven_through = .true.
-                self%final_event = self%model%scene%clutch(i)%event
+                self%way%is_driven_through = .true.
+                self%way%final_event = self%model%scene%clutch(i)%event
             end where
         end do
         do i = 1, n
             associate (e => self%model%scene%stop(i)%event)
                 where (gives_way(:, i))
-                    self%is_driven_through = .true.
-                    self%final_event = e
+                    self%way%is_driven_through = .true.
+                    self%way%final_event = e
                 end where
                 do lane = 1, lanes
-                    if (opens(lane, i)) call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    if (opens(lane, i)) &
+                        call leave_stop(lane, i, self%way%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
                 end do
             end associate
         end do
@@ -391,7 +392,7 @@ contains
         integer :: lane, n
 
         n = n_stop(self%model%scene)
-        takes_part(:, :n) = self%stops%rests
+        takes_part(:, :n) = self%way%stops%rests
         takes_part(:, n + 1:) = is_free
         is_concerned_there = takes_part .and. spread(is_concerned, 2, size(takes_part, 2))
         is_part(:, :n) = .false.
@@ -399,12 +400,12 @@ contains
         holds = takes_part
         holds(:, n + 1:) = is_free .and. .not. must_slip
         sense = 0
-        against = slip_senses(self%model, -self%clutch%force/spread(slip_levers(self%model)**2, 1, lanes))
+        against = slip_senses(self%model, -self%way%clutch%force/spread(slip_levers(self%model)**2, 1, lanes))
         where (must_slip) sense(:, n + 1:) = against
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
-            where (is_free(lane, :)) self%clutch%holds(lane, :) = .false.
-            where (is_free(lane, :)) self%clutch%sense(lane, :) = 0
+            where (is_free(lane, :)) self%way%clutch%holds(lane, :) = .false.
+            where (is_free(lane, :)) self%way%clutch%sense(lane, :) = 0
         end do
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
@@ -458,9 +459,9 @@ contains
         if (.not. has_sticking(self%model)) return
         ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip, and the way in which
         ! they then do.
-        seems_held = self%clutch%holds
+        seems_held = self%way%clutch%holds
         call self%evaluate_on_lanes(t, y, rate, failed)
-        grip = self%clutch%capacity
+        grip = self%way%clutch%capacity
         call self%look_closely(t, y, self%workspace%acceleration)
         moves = slips(self%model, self%look, level_given)
         do lane = 1, lanes
@@ -499,9 +500,9 @@ contains
             most = huge(1.0_wp)
             capacity = 0
             do i = 1, size(is_free, 2)
-                if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(lane, i) = grip(lane, i)
+                if (self%model%scene%clutch(i)%friction > 0) self%way%clutch%capacity(lane, i) = grip(lane, i)
                 if (positive(lane, i)) cycle
-                capacity(n + i) = self%clutch%capacity(lane, i)
+                capacity(n + i) = self%way%clutch%capacity(lane, i)
                 most(n + i) = self%model%scene%clutch(i)%static*capacity(n + i)
             end do
             of = pack([(i, i=1, size(holds, 2))], takes_part(lane, :))
@@ -518,8 +519,8 @@ contains
         subroutine take(lane)
             integer, intent(in) :: lane
 
-            where (is_free(lane, :)) self%clutch%holds(lane, :) = holds(lane, n + 1:)
-            where (is_free(lane, :)) self%clutch%sense(lane, :) = sense(lane, n + 1:)
+            where (is_free(lane, :)) self%way%clutch%holds(lane, :) = holds(lane, n + 1:)
+            where (is_free(lane, :)) self%way%clutch%sense(lane, :) = sense(lane, n + 1:)
         end subroutine take
     end subroutine share_loads
 
@@ -559,7 +560,7 @@ contains
         function begins_to_slide() result(begins)
             logical :: begins(lanes, size(is_free, 2))
 
-            begins = is_free .and. .not. self%clutch%holds .and. spread(is_concerned, 2, size(is_free, 2)) &
+            begins = is_free .and. .not. self%way%clutch%holds .and. spread(is_concerned, 2, size(is_free, 2)) &
                      .and. spread(is_part, 1, lanes)
         end function begins_to_slide
 
@@ -573,14 +574,14 @@ contains
             begins = begins_to_slide()
             if (.not. begins(lane, i) .or. failed(lane)) return
             part = pack([(k, k=1, size(is_part))], self%model%scene%clutch%lead == i)
-            held = pack([(k, k=1, size(is_part))], is_free(lane, :) .and. self%clutch%holds(lane, :))
+            held = pack([(k, k=1, size(is_part))], is_free(lane, :) .and. self%way%clutch%holds(lane, :))
             own = response_beside(response(lane, :, :), part, held, self%model%scene%clutch%lead, lever)
-            way = self%clutch%sense(lane, part)
+            way = self%way%clutch%sense(lane, part)
             call find_way_loose(response_beside(response(lane, :, :), part, part(:0), &
                                                 self%model%scene%clutch%lead, lever), own, &
-                                self%clutch%capacity(lane, i)/lever(i), lever(part)*moves(lane, part), way, is_held)
-            change = max(change, norm2(way - self%clutch%sense(lane, part)))
-            self%clutch%sense(lane, part) = way
+                                self%way%clutch%capacity(lane, i)/lever(i), lever(part)*moves(lane, part), way, is_held)
+            change = max(change, norm2(way - self%way%clutch%sense(lane, part)))
+            self%way%clutch%sense(lane, part) = way
         end subroutine turn_way
     end subroutine settle_ways
 
@@ -597,8 +598,8 @@ contains
         may_hold = is_free
         do i = 1, size(is_free, 2)
             associate (ease => response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i))
-                where (is_free(:, i)) self%clutch%ease(:, i) = max(self%clutch%ease(:, i), ease)
-                may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%clutch%ease(:, i)
+                where (is_free(:, i)) self%way%clutch%ease(:, i) = max(self%way%clutch%ease(:, i), ease)
+                may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%way%clutch%ease(:, i)
             end associate
         end do
         do i = 1, size(is_free, 2)
@@ -621,11 +622,11 @@ contains
 
         grip = 0
         if (.not. has_sticking(self%model)) return
-        held = self%clutch%holds
-        self%clutch%holds = held .or. may_hold
+        held = self%way%clutch%holds
+        self%way%clutch%holds = held .or. may_hold
         call self%evaluate_on_lanes(t, y, rate, failed)
-        grip = self%clutch%capacity
-        self%clutch%holds = held
+        grip = self%way%clutch%capacity
+        self%way%clutch%holds = held
     end subroutine find_grip
 
     !> What holds has no slip, and no speed at its stop, to the last digit, nor has what is to slip the other way: else it would cross zero
@@ -646,7 +647,7 @@ contains
         call refuse_speed_at_rest(self, is_concerned .and. holds, rate, response)
         call solve_contacts(response, is_concerned .and. (holds .or. sense*rate < 0), -rate, change)
         call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
-        call still_rates(self%model, self%layout, self%clutch%holds, y)
+        call still_rates(self%model, self%layout, self%way%clutch%holds, y)
     end subroutine take_last_slip
 
     !> What rests at a stop has but what rounding and steps have left of its speed: more is not taken from it in silence. The motion of
@@ -667,8 +668,8 @@ contains
             associate (stop => self%model%scene%stop(i), speed => abs(rate(:, i)))
                 where (holds(:, i) .and. speed**2 > much*2*kinetic*response(:, i, i) &
                        .and. speed*max(self%span, 1.0_wp) > far*touch_width(stop))
-                    self%is_driven_through = .true.
-                    self%final_event = stop%event
+                    self%way%is_driven_through = .true.
+                    self%way%final_event = stop%event
                 end where
             end associate
         end do
@@ -684,8 +685,8 @@ contains
         integer :: i
 
         call self%look_closely(t, y)
-        call find_kept(self%model, self%look, angles_about(self%angles, t), here)
-        associate (of => self%clutch)
+        call find_kept(self%model, self%look, angles_about(self%way%angles, t), here)
+        associate (of => self%way%clutch)
             do i = 1, size(here, 2)
                 where (is_concerned .and. of%holds(:, i) .and. .not. of%was_held(:, i)) of%kept(:, i) = here(:, i)
                 where (is_concerned) of%was_held(:, i) = of%holds(:, i)

@@ -32,14 +32,14 @@ contains
         associate (state => self%workspace%state, n => n_stop(self%model%scene))
             if (.not. self%held%is_measured) call measure_held(self%model, state, self%held)
             state%stop_force = push(:, :n)
-            state%clutch_force = self%clutch%rub + push(:, n + 1:)
+            state%clutch_force = self%way%clutch%rub + push(:, n + 1:)
             if (finds_friction) then
                 call solve_again(self%model, self%equations, self%workspace)
             else
                 call solve_with_amounts(self%model, self%equations, self%workspace)
             end if
             state%stop_force = 0
-            state%clutch_force = self%clutch%rub
+            state%clutch_force = self%way%clutch%rub
             away = accelerations_with(self%held, self%workspace%acceleration - state%qdd)
         end associate
     end subroutine push_and_rub
@@ -88,19 +88,19 @@ contains
         logical :: is_held(lanes, n_held(self%model))
 
         associate (n => n_stop(self%model%scene))
-            is_held(:, :n) = self%stops%rests
-            is_held(:, n + 1:) = self%clutch%holds
+            is_held(:, :n) = self%way%stops%rests
+            is_held(:, n + 1:) = self%way%clutch%holds
             wanted = 0
-            if (holds_anywhere(self%clutch)) wanted(:, n + 1:) = way_back(self, t)
+            if (holds_anywhere(self%way%clutch)) wanted(:, n + 1:) = way_back(self, t)
             if (size(self%equations%rub) > 0) then
                 call hold_what_rubs(self, is_held, wanted, push)
             else
                 call hold_freely(self, is_held, wanted, push)
             end if
-            call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
-            self%stops%push = push(:, :n)
-            self%clutch%applied = self%clutch%rub + push(:, n + 1:)
-            self%clutch%force = self%clutch%applied
+            call still_coordinates(self%model, self%layout, self%way%clutch%holds, self%workspace%acceleration)
+            self%way%stops%push = push(:, :n)
+            self%way%clutch%applied = self%way%clutch%rub + push(:, n + 1:)
+            self%way%clutch%force = self%way%clutch%applied
         end associate
     end procedure hold_variables
 
@@ -230,14 +230,14 @@ contains
 
         is_led = [(led_by(self%model, self%model%scene%clutch(i)), i=1, size(wanted, 2))]
         wanted = 0
-        pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
+        pace = merge(0.25_wp/max(self%way%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%way%clutch%longest > 0)
         if (all(is_led) .or. .not. any(pace > 0)) return
-        off = carried_off(self%model, self%workspace%state, angles_about(self%angles, t), self%clutch%kept)
+        off = carried_off(self%model, self%workspace%state, angles_about(self%way%angles, t), self%way%clutch%kept)
         slip = slips(self%model, self%workspace%state, level_velocity)
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
             if (self%model%scene%clutch(i)%unit == "N") off(:, i) = self%model%scene%laws%scale*off(:, i)
-            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*off(:, i))
+            where (self%way%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*off(:, i))
         end do
     end function way_back
 end submodule linkdyn_forward_contacts

@@ -39,7 +39,7 @@ contains
         logical, intent(in) :: is_wanted(:)            !! (n_controller)
         type(control_sight), intent(out) :: sight(:, :)        !! (lane, n_controller)
 
-        call find_demands(self%model, self%layout, t, y, self%turns, self%n_used, is_wanted, self%assembly, self%of_motion, &
+        call find_demands(self%model, self%layout, t, y, self%turns, self%n_used, is_wanted, self%way%assembly, self%of_motion, &
                           self%control)
         call see_states(self%model, t, measure, law, is_wanted, self%of_motion, self%control, sight)
     end subroutine show_states

@@ -34,7 +34,7 @@ contains
         call begin_at_stops(run%system, options%t_start, run%y)
         call run%system%begin_with_clutches(options%t_start, run%y)
         call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
-        where (run%system%is_driven_through) run%integrator%failed = .true.
+        where (run%system%way%is_driven_through) run%integrator%failed = .true.
     end subroutine start_integrator
 
     !> Integrate to t, stopping at every kink on the way. The run comes back before its phase changes if it `wants_outputs`: call again.
@@ -57,7 +57,7 @@ contains
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
-        run%is_over = run%integrator%reason == stop_event .and. .not. run%system%is_driven_through(1)
+        run%is_over = run%integrator%reason == stop_event .and. .not. run%system%way%is_driven_through(1)
         call hold_texts()
         call tell_stop(run, reason, run%beyond)
         run%reason = reason

@@ -70,7 +70,7 @@ contains
 
         at = pack([(i, i=1, self%model%n_actuator)], self%layout%pressure > 0 .and. &
                   .not. self%model%scene%actuator%cylinder%has_start)
-        if (allocated(self%given_force)) probe%given_force = self%given_force
+        if (allocated(self%way%given_force)) probe%way%given_force = self%way%given_force
         call build_forward_system(self%model, 0, probe, status)
         if (status%is_ok()) then
             probe%may_be_torn = .true.                 ! by forces that are tried
@@ -203,7 +203,7 @@ contains
         real(wp), dimension(lanes) :: place, speed
         integer :: i, lane
 
-        call begin_assembly(self%model, t, self%assembly)
+        call begin_assembly(self%model, t, self%way%assembly)
         call prepare_kinematics(self%model, 0, self%look)
         call self%look_closely(spread(t, 1, lanes), y)
         do i = 1, self%model%n_actuator

@@ -65,7 +65,7 @@ contains
         logical :: failed(lanes)
         integer :: i
 
-        call find_events(self%model, state, angles_about(self%angles, t), guard)
+        call find_events(self%model, state, angles_about(self%way%angles, t), guard)
         failed = state%unreachable .or. state%not_converged .or. state%way_status /= sample_ok
         do i = 1, size(guard, 2)
             where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -73,7 +73,7 @@ contains
         call let_stops_yield(self, guard)
         if (n_clutch(self%model%scene) > 0) call see_surfaces(self, state, guard)
         do i = 1, n_clutch(self%model%scene)
-            where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+            where (.not. self%way%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
             call keep_what_is_held(self, i, guard)
         end do
     end subroutine find_guards
@@ -95,7 +95,7 @@ contains
         real(wp) :: measure(lanes, size(self%model%scene%laws%measure))
 
         call measure_states(n, t, y, self%turns, self%record, measure)
-        call tell_events(self%model, angles_about(self%angles, t), measure, guard)
+        call tell_events(self%model, angles_about(self%way%angles, t), measure, guard)
         call let_stops_yield(self, guard)
     end subroutine guards_by_record
 
@@ -107,7 +107,7 @@ contains
 
         do i = 1, n_stop(self%model%scene)
             associate (stop => self%model%scene%stop(i))
-                if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%stops%yielded(:, i)
+                if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%way%stops%yielded(:, i)
             end associate
         end do
     end subroutine let_stops_yield
@@ -115,7 +115,7 @@ contains
     logical function holds_something(self)
         class(forward_system), intent(in) :: self
 
-        holds_something = rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)
+        holds_something = rests_anywhere(self%way%stops) .or. holds_anywhere(self%way%clutch)
     end function holds_something
 
     !> The guard of a stop at which its variable rests is its push: when that vanishes the variable leaves. That of a clutch that holds
@@ -127,11 +127,11 @@ contains
 
         do i = 1, n_clutch(self%model%scene)
             if (self%model%scene%clutch(i)%lead /= i) cycle
-            where (self%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self%model, i, self%clutch)
+            where (self%way%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self%model, i, self%way%clutch)
         end do
         do i = 1, n_stop(self%model%scene)
             associate (e => self%model%scene%stop(i)%event)
-                where (self%stops%rests(:, i)) guard(:, e) = self%stops%push(:, i)
+                where (self%way%stops%rests(:, i)) guard(:, e) = self%way%stops%push(:, i)
             end associate
         end do
     end subroutine take_held
@@ -156,7 +156,7 @@ contains
             if (clutch%from_event == 0 .or. .not. clutch%is_positive .or. led_by(self%model, clutch)) return
             least = at_rest*self%guard_scale(:, clutch%from_event)
             associate (of => guard(:, clutch%from_event))
-                where (self%clutch%holds(:, i) .and. abs(of) < least) of = sign(least, self%guard_side(:, clutch%from_event))
+                where (self%way%clutch%holds(:, i) .and. abs(of) < least) of = sign(least, self%guard_side(:, clutch%from_event))
             end associate
         end associate
     end subroutine keep_what_is_held
@@ -184,7 +184,7 @@ contains
         end do
         do i = 1, size(slip, 2)
             associate (along => guard(:, self%model%scene%clutch(i)%event))
-                if (is_part(i)) along = along + lever(i)*slip(:, i)*self%clutch%sense(:, i)
+                if (is_part(i)) along = along + lever(i)*slip(:, i)*self%way%clutch%sense(:, i)
             end associate
         end do
     end subroutine see_surfaces
@@ -194,21 +194,21 @@ contains
         logical, dimension(lanes, n_stop(self%model%scene)) :: strikes, rested
         logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, has_slipped
 
-        rested = self%stops%rests
+        rested = self%way%stops%rests
         call self%look_closely(t, y)
         call tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
         has_slipped = with_lead(self%model%scene, has_slipped) .and. is_closed
-        if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
-            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
+        if (any(has_slipped) .or. any(is_closed .neqv. self%way%clutch%is_closed)) then
+            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%way%clutch%is_closed), dim=2)
             call engage(self, t, y, is_closed, has_slipped)
-            is_over = is_over .or. self%is_driven_through
-            strikes = strikes .and. .not. self%stops%rests     ! what locks have driven there has struck
+            is_over = is_over .or. self%way%is_driven_through
+            strikes = strikes .and. .not. self%way%stops%rests     ! what locks have driven there has struck
         end if
         if (any(strikes)) call forget_leaving(self, strikes)
         if (any(strikes)) then
             call self%meet_stops(t, y, strikes)
             has_changed = has_changed .or. any(strikes, dim=2)
-            is_over = is_over .or. self%is_driven_through
+            is_over = is_over .or. self%way%is_driven_through
         end if
         if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
     end procedure meet_events
@@ -229,7 +229,7 @@ contains
         has_changed = .false.
         is_over = .false.
         strikes = .false.
-        is_closed = self%clutch%is_closed
+        is_closed = self%way%clutch%is_closed
         has_slipped = .false.
         do i = 1, self%n_guard
             associate (event => self%model%scene%event(i))
@@ -240,16 +240,16 @@ contains
                         cycle
                     else if (event%stop == 0) then
                         is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
-                        if (event%ends_run .and. self%may_end) self%final_event(lane) = i
+                        if (event%ends_run .and. self%may_end) self%way%final_event(lane) = i
                         call note(merge(kind_end, kind_crossing, event%ends_run))
-                        call switch_brakes(self%model, lane, i, t(lane), self%motors, has_changed(lane))
-                        call switch_clutches(self%model%scene, lane, i, t(lane), self%clutch, is_closed)
+                        call switch_brakes(self%model, lane, i, t(lane), self%way%motors, has_changed(lane))
+                        call switch_clutches(self%model%scene, lane, i, t(lane), self%way%clutch, is_closed)
                     else if (.not. self%model%scene%stop(event%stop)%is_hard) then
                         call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
                         has_changed(lane) = .true.
-                    else if (self%stops%rests(lane, event%stop)) then
+                    else if (self%way%stops%rests(lane, event%stop)) then
                         call note(kind_release)
-                        call leave_stop(lane, event%stop, self%stops, self%guard_side(lane, i), self%guard_scale(lane, i))
+                        call leave_stop(lane, event%stop, self%way%stops, self%guard_side(lane, i), self%guard_scale(lane, i))
                         has_changed(lane) = .true.
                         cycle
                     else
@@ -291,7 +291,7 @@ contains
 
         away = away_from_stops(self%model, self%look, level_velocity)
         do i = 1, size(strikes, 2)
-            strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%stops%fastest(:, i)
+            strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%way%stops%fastest(:, i)
         end do
     end subroutine forget_leaving
 
@@ -306,7 +306,7 @@ contains
         call coordinates_of(y, entry%q, entry%qd)
         entry%qd_after = entry%qd
         if (present(y_after)) call coordinates_of(y_after, ignored, entry%qd_after)
-        call add_entry(self%log, entry)
+        call add_entry(self%way%log, entry)
 
     contains
 

@@ -56,7 +56,7 @@ contains
             call system%switch_now(kink, y, is_changed)
         end if
         if (is_changed) call integrator%go_on_from(system, y)
-        where (system%is_driven_through) integrator%failed = .true.
+        where (system%way%is_driven_through) integrator%failed = .true.
         call integrator%reset()
         kinks%passed = kink
         kinks%ahead = pack(kinks%ahead, .not. is_there_by(kinks%ahead, kink))

@@ -29,11 +29,11 @@ contains
 
         part = 1
         if (.not. self%may_leap) return
-        call find_part_of_splines(t, length, gap, self%sight, part)
-        looks_at_laws = self%sight%has_laws .or. self%model%n_cam > 0
-        if (part < 1 .or. .not. (looks_at_laws .or. self%assembly%is_needed)) return
+        call find_part_of_splines(t, length, gap, self%way%sight, part)
+        looks_at_laws = self%way%sight%has_laws .or. self%model%n_cam > 0
+        if (part < 1 .or. .not. (looks_at_laws .or. self%way%assembly%is_needed)) return
         gone = ways_gone(self, t, length, y, y_end)
-        if (self%sight%sees_places .or. self%model%n_cam > 0) then
+        if (self%way%sight%sees_places .or. self%model%n_cam > 0) then
             turned = maxval(gone, mask=[(.not. is_length(self%model, k), k=1, size(gone))])
             if (turned > farthest_turn) then
                 part = well_within*farthest_turn/turned
@@ -45,11 +45,11 @@ contains
             instant(lane) = t + share*length
             way(lane, :) = between(share, y, length*rate, y_end, length*rate_end)
         end do
-        if (self%assembly%is_needed) call look_at_margins(self, instant, way, gone, length, part)
+        if (self%way%assembly%is_needed) call look_at_margins(self, instant, way, gone, length, part)
         if (part < 1 .or. .not. looks_at_laws) return
-        if (self%sight%has_laws) then
+        if (self%way%sight%has_laws) then
             call measure_states(self, instant, way, measure)
-            call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%sight, part)
+            call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%way%sight, part)
         end if
         if (self%model%n_cam == 0) return
         call look_at_cams(self, instant, way, direction)
@@ -69,13 +69,13 @@ contains
         real(wp), intent(inout) :: part
         real(wp), dimension(lanes, n_map(self%model)) :: margin, drift
 
-        if (all(gone <= near_strides*self%model%stride) .and. all(abs(length*self%assembly%drift(1, :)) <= near_change)) return
+        if (all(gone <= near_strides*self%model%stride) .and. all(abs(length*self%way%assembly%drift(1, :)) <= near_change)) return
         if (self%looks%is_usable .and. size(self%model%group) == 0) then
-            call see_way(self%model, self%layout, t, y, self%turns, self%assembly, self%looks)
+            call see_way(self%model, self%layout, t, y, self%turns, self%way%assembly, self%looks)
             associate (seen => self%looks%of_lanes, out => self%looks%record%recorded%look, n => self%model%n_branch)
                 if (seen%counts) call find_part_of_margins(self%model%least_margin, seen%value(:, out%margin:out%margin + n - 1), &
                                                            seen%value(:, out%drift:out%drift + n - 1), n, length, part)
-                if (seen%counts .or. self%n_left == 0) return
+                if (seen%counts .or. self%way%n_left == 0) return
             end associate
         end if
         call self%look_closely(t, y)
@@ -163,9 +163,9 @@ contains
 
         self%is_by_record = .false.                    ! whose samples are others now
         associate (samples => self%record%samples)
-            call place_states(self%model, self%layout, self%assembly, lanes, t, y, self%turns, self%by_inverse, self%record)
+            call place_states(self%model, self%layout, self%way%assembly, lanes, t, y, self%turns, self%by_inverse, self%record)
             if (n_stop(self%model%scene) > 0) call place_touches(self%model, lanes, self%touches(), self%record)
-            call close_states(self%model, self%assembly, lanes, self%record)
+            call close_states(self%model, self%way%assembly, lanes, self%record)
             serves = .not. any(samples%is_left)
             if (.not. serves) return
             call apply_record_laws(lanes, self%record)

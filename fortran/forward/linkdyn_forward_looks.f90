@@ -16,7 +16,7 @@ contains
         if (.not. sees_end) return
         sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
         if (sees_end) return
-        call see_end(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%assembly, &
+        call see_end(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%way%assembly, &
                      self%workspace%acceleration(1, :), self%record, self%looks)
         sees_end = is_seen(self%looks, self%t_tried, self%y_tried)
     end procedure sees_end
@@ -25,10 +25,10 @@ contains
     module procedure see_surplus
         real(wp), dimension(size(state, 2)) :: energy, kinetic
 
-        are_seen = self%looks%is_usable .and. self%is_by_record .and. is_by_record(self%energy)
+        are_seen = self%looks%is_usable .and. self%is_by_record .and. is_by_record(self%way%energy)
         if (are_seen) are_seen = t == self%t_tried .and. all(state(:, 1) == self%y_tried)
         if (.not. are_seen) return
-        call see_energies(self%model, self%layout, t, state, self%turns, self%assembly, self%workspace%acceleration(1, :), &
+        call see_energies(self%model, self%layout, t, state, self%turns, self%way%assembly, self%workspace%acceleration(1, :), &
                           self%record, self%looks, energy, kinetic, are_seen)
         if (.not. are_seen) return
         surplus = energy - state(self%layout%supplied, :)
@@ -60,7 +60,7 @@ contains
         associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)
             associate (seen => record%samples%seen(:, 1))
                 call accept_recorded(self%model, t, seen(out%margin:out%margin + n - 1), seen(out%drift:out%drift + n - 1), &
-                                     record, self%assembly, is_done)
+                                     record, self%way%assembly, is_done)
             end associate
         end associate
         if (is_done) is_done = weighs_by_look(self, t, y)
@@ -75,8 +75,8 @@ contains
             energy = seen(out%energy)
             kinetic = seen(out%kinetic)
         end associate
-        call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
-        call note_record(t(1), y(1, :), self%turns, self%energy)
+        call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%way%energy)
+        call note_record(t(1), y(1, :), self%turns, self%way%energy)
     end procedure weighs_by_look
 
     !> The same of states that differ from lane to lane, of which the record sees nothing but assemblies and energies.
@@ -84,16 +84,16 @@ contains
         real(wp) :: no_place(0, 0), no_column(0, 0, 0)
 
         is_done = self%looks%is_usable .and. size(self%model%group) == 0 .and. .not. self%lanes_are_one
-        if (is_done) is_done = .not. (self%bounce%is_on .or. self%watch%is_on .or. wraps_anywhere(self%of_joints) .or. &
-                                      wraps_anywhere(self%angles))
+        if (is_done) is_done = .not. (self%way%bounce%is_on .or. self%watch%is_on .or. wraps_anywhere(self%of_joints) .or. &
+                                      wraps_anywhere(self%way%angles))
         if (.not. is_done) return
-        call see_lanes(self%model, self%layout, t, y, self%turns, is_accepted, self%assembly, self%looks)
+        call see_lanes(self%model, self%layout, t, y, self%turns, is_accepted, self%way%assembly, self%looks)
         is_done = self%looks%of_lanes%counts
         if (.not. is_done) return
         associate (seen => self%looks%of_lanes%value, out => self%looks%record%recorded%look, n => self%model%n_branch)
             call accept_seen(self%model, t, is_accepted, seen(:, out%margin:out%margin + n - 1), &
-                             seen(:, out%drift:out%drift + n - 1), no_place, no_column, self%assembly)
-            call weigh_energy(seen(:, out%energy), seen(:, out%kinetic), y(:, self%layout%supplied), self%energy)
+                             seen(:, out%drift:out%drift + n - 1), no_place, no_column, self%way%assembly)
+            call weigh_energy(seen(:, out%energy), seen(:, out%kinetic), y(:, self%layout%supplied), self%way%energy)
         end associate
     end procedure accept_lanes_by_look
 
@@ -110,12 +110,12 @@ contains
         integer :: n_joint, first
 
         associate (out => self%looks%record%recorded%look, seen => self%looks%record%samples%seen(:, 1))
-            n_joint = size(self%bounce%joint)
+            n_joint = size(self%way%bounce%joint)
             first = merge(out%acceleration, out%rate, is_acceleration)
             motion = 0
             motion(1, :n_joint) = seen(first:first + n_joint - 1)
-            motion(:, n_joint + 1:) = reshape(seen(first + n_joint:first + n_joint + 3*size(self%bounce%link) - 1), &
-                                              [3, size(self%bounce%link)])
+            motion(:, n_joint + 1:) = reshape(seen(first + n_joint:first + n_joint + 3*size(self%way%bounce%link) - 1), &
+                                              [3, size(self%way%bounce%link)])
         end associate
     end procedure seen_motion
 

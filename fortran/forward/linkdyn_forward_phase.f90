@@ -81,7 +81,7 @@ contains
         phase%system%may_end = options%events_end
         phase%system%may_record = rates_by_record(options)
         ! others stand in for a short time only
-        if (.not. associated(phase%model, own)) phase%system%n_before_record = evaluations_before_record(phase%model)
+        if (.not. associated(phase%model, own)) phase%system%way%n_before_record = evaluations_before_record(phase%model)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches
         call phase%system%watch_ends(options%integrator%rtol, options%integrator%atol)

@@ -52,7 +52,7 @@ contains
         type(forward_run), intent(in) :: run
 
         n = run%n_crossed
-        if (run%has_stopped .and. .not. run%is_over) n = max(n, run%system%assembly%n_crossed(1))
+        if (run%has_stopped .and. .not. run%is_over) n = max(n, run%system%way%assembly%n_crossed(1))
     end function passed_now
 
     !> Release what the run holds.

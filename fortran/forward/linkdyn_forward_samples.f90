@@ -181,7 +181,7 @@ contains
 
         may = size(run%model%contact) == 0 .and. size(run%model%scene%laws%law) == 0 .and. .not. motors_have_laws(run%model)
         if (run%system%of_motion%is_needed) may = may .and. run%system%of_motion%has_record .and. .not. has_assemblies(run%own)
-        if (size(run%model%group) > 0) may = may .and. associated(run%system%assembly%closer)
+        if (size(run%model%group) > 0) may = may .and. associated(run%system%way%assembly%closer)
     end function may_wait_for_steps
 
     !> Evaluate the samples that wait, up to one, and tell what is found.
@@ -197,7 +197,7 @@ contains
         samples%n_waiting = 0
         if (n == 0) return
         before = last - n
-        obstacle = run%system%obstacle
+        obstacle = run%system%way%obstacle
         solution = samples%waiting([(min(lane, n), lane=1, lanes)], :)
         t = samples%t([(min(before + lane, last), lane=1, lanes)])
         if (samples%are_there) then
@@ -216,7 +216,7 @@ contains
             samples%n_passed(sample) = run%n_crossed
             if (.not. samples%are_there) samples%n_passed(sample) = passed_now(run)
         end do
-        run%system%obstacle = obstacle
+        run%system%way%obstacle = obstacle
     end subroutine take_samples
 
     !> What the forces are found from.
@@ -234,8 +234,8 @@ contains
             if (samples%phase > 1) samples%assembly%counted(:, of_phase) = state%counted(lane, :)
         end associate
         if (has_hard_stops(run%model%scene)) &
-            samples%stop_force(:, i) = merge(run%system%stops%push(1, :), 0.0_wp, run%system%stops%rests(1, :))
-        if (n_clutch(run%model%scene) > 0) samples%clutch_force(:, i) = run%system%clutch%applied(1, :)
+            samples%stop_force(:, i) = merge(run%system%way%stops%push(1, :), 0.0_wp, run%system%way%stops%rests(1, :))
+        if (n_clutch(run%model%scene) > 0) samples%clutch_force(:, i) = run%system%way%clutch%applied(1, :)
         if (size(run%model%contact) > 0) samples%contact_sense(:, :, i) = &
             run%system%workspace%friction%sense(lane, :, :size(run%model%contact))
     end subroutine keep_sample
@@ -253,10 +253,10 @@ contains
             if (associated(results%time)) results%time(i) = t
             if (associated(results%work)) results%work(i) = merge(solution(lane, run%system%layout%work), &
                                                                   ieee_value(1.0_wp, ieee_quiet_nan), is_there)
-            if (associated(results%brake)) results%brake(:, i) = run%system%motors%brake(lane, run%model%motor%actuator)
+            if (associated(results%brake)) results%brake(:, i) = run%system%way%motors%brake(lane, run%model%motor%actuator)
             if (associated(results%clutch_slip) .and. is_there) results%clutch_slip(:, i) = run%system%slips_at(t, solution)
             call tell_cylinders(run%system%layout, run%system%cylinders, i, lane, is_good, results)
-            call tell_clutches(run%system%clutch, i, is_good, results)
+            call tell_clutches(run%system%way%clutch, i, is_good, results)
             call tell_controllers(run%system%control%state, i, is_good, results)
             if (associated(results%step)) results%step(i) = samples%last_step(lane)
             call tell_coordinates(run, is_there, samples%q(:, i), samples%qd(:, i), i, lane, results)

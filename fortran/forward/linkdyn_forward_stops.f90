@@ -27,7 +27,7 @@ contains
         integer :: i, lane
 
         is_struck = any(strikes, dim=2)
-        rested = self%stops%rests
+        rested = self%way%stops%rests
         y_before = y
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
@@ -40,13 +40,13 @@ contains
         call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         call loosen_clutches(self, t, y, y_before, is_struck)
-        if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
+        if (holds_anywhere(self%way%clutch)) call still_rates(self%model, self%layout, self%way%clutch%holds, y)
         call self%look_closely(t, y)
         after = away_from_stops(self%model, self%look, level_velocity)
         do i = 1, size(before, 2)
             where (strikes(:, i) .and. after(:, i) < before(:, i)/2 .and. before(:, i) < 0)
-                self%is_driven_through = .true.
-                self%final_event = self%model%scene%stop(i)%event
+                self%way%is_driven_through = .true.
+                self%way%final_event = self%model%scene%stop(i)%event
             end where
         end do
         is_closed = is_closed .and. .not. is_idle
@@ -70,7 +70,7 @@ contains
             do lane = 1, lanes
                 if (.not. is_struck(lane)) cycle
                 call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
-                                  self%stops%fastest(lane, :), self%stops%hardest(lane), after(lane, :), impulse(lane, :), &
+                                  self%way%stops%fastest(lane, :), self%way%stops%hardest(lane), after(lane, :), impulse(lane, :), &
                                   has_struck(lane, :), is_closed(lane, :), loss(lane))
             end do
         end subroutine throw_back
@@ -83,7 +83,7 @@ contains
             call solve_contacts(response, is_closed, -after, change)
             call push_coordinates(self%layout, touches, change, of_coordinates, y)
             impulse = impulse + change
-            if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
+            if (holds_anywhere(self%way%clutch)) call still_rates(self%model, self%layout, self%way%clutch%holds, y)
             y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
             loss = loss - sum(change*after, dim=2)/2
         end subroutine take_last_speed
@@ -121,7 +121,7 @@ contains
         strikes = .false.
         call find_touching(self, t, is_wanted, strikes, touches)
         away = away_from_stops(self%model, self%look, level_velocity)
-        strikes = touches .and. .not. self%stops%rests .and. away <= rounded*self%stops%fastest
+        strikes = touches .and. .not. self%way%stops%rests .and. away <= rounded*self%way%stops%fastest
         if (any(strikes)) call self%meet_stops(t, y, strikes)
     end procedure meet_touched_stops
 
@@ -139,8 +139,8 @@ contains
         call measure_gaps(self, t, gap)
         do i = 1, size(gap, 2)
             associate (stop => self%model%scene%stop(i))
-                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. self%stops%rests(:, i) &
-                                .or. gap(:, i) + self%stops%yielded(:, i) <= near*self%guard_scale(:, stop%event))
+                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. self%way%stops%rests(:, i) &
+                                .or. gap(:, i) + self%way%stops%yielded(:, i) <= near*self%guard_scale(:, stop%event))
             end associate
         end do
     end subroutine find_touching
@@ -157,9 +157,9 @@ contains
                 if (.not. is_struck(lane)) cycle
                 associate (e => self%model%scene%stop(i)%event)
                     if (rests(lane, i) .and. .not. rested(lane, i)) &
-                        call rest_at_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                        call rest_at_stop(lane, i, self%way%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
                     if (.not. rests(lane, i) .and. (rested(lane, i) .or. touches(lane, i))) &
-                        call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                        call leave_stop(lane, i, self%way%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
                 end associate
             end do
         end do
@@ -182,7 +182,7 @@ contains
 
         n = size(touches, 2)
         takes_part(:, :n) = touches
-        takes_part(:, n + 1:) = self%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
+        takes_part(:, n + 1:) = self%way%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
                                 .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
         call find_responses(self, takes_part, .true., of_all, coordinates_by_all)
         do lane = 1, lanes
@@ -258,7 +258,7 @@ contains
         logical :: held, is_part(n_clutch(self%model%scene))
         integer :: lane, i
 
-        if (.not. any(self%clutch%is_closed)) return
+        if (.not. any(self%way%clutch%is_closed)) return
         call self%look_closely(t, y_before)
         before = slips(self%model, self%look, level_velocity)
         call self%look_closely(t, y)
@@ -267,13 +267,13 @@ contains
         change = slip_speeds(self%model, after - before)
         speed = slip_speeds(self%model, after)
         sense = slip_senses(self%model, after)
-        associate (of => self%clutch)
+        associate (of => self%way%clutch)
             do i = 1, size(after, 2)
                 if (self%model%scene%clutch(i)%is_positive) cycle
                 do lane = 1, lanes
                     if (.not. (is_struck(lane) .and. of%is_closed(lane, i))) cycle
                     held = of%holds(lane, i)
-                    least = still*max(maxval(self%stops%fastest(lane, :)), of%fastest(lane, i))
+                    least = still*max(maxval(self%way%stops%fastest(lane, :)), of%fastest(lane, i))
                     if (held .and. change(lane, i) <= least) cycle
                     if (.not. held .and. is_part(i) .and. speed(lane, i) <= least) cycle
                     if (.not. (held .or. is_part(i)) .and. of%sense(lane, i)*after(lane, i) >= -least) cycle
@@ -308,17 +308,17 @@ contains
         logical :: failed(lanes), rested(lanes, n_stop(self%model%scene))
         integer :: lane, i
 
-        rested = self%stops%rests
+        rested = self%way%stops%rests
         rests = rested
         do lane = 1, lanes
-            if (is_struck(lane)) self%stops%rests(lane, :) = .false.
+            if (is_struck(lane)) self%way%stops%rests(lane, :) = .false.
         end do
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y, self%workspace%acceleration)
         away = away_from_stops(self%model, self%look, level_given)
-        self%stops%rests = rested
+        self%way%stops%rests = rested
         do i = 1, size(widest, 2)
-            widest(:, i) = merge(self%stops%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))
+            widest(:, i) = merge(self%way%stops%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))
         end do
         do lane = 1, lanes
             if (is_struck(lane)) call find_resting(response(lane, :, :), touches(lane, :), speed(lane, :), away(lane, :), &
@@ -333,7 +333,7 @@ contains
         real(wp), intent(out) :: gap(:, :)             !! (lane, n_stop); of other stops: none is closed
         real(wp) :: guard(lanes, self%n_guard)
 
-        call find_events(self%model, self%look, angles_about(self%angles, t), guard)
+        call find_events(self%model, self%look, angles_about(self%way%angles, t), guard)
         call hard_gaps(self%model, guard, gap)
     end subroutine measure_gaps
 
@@ -343,6 +343,6 @@ contains
 
         call self%look_closely(t, y)
         call measure_gaps(self, t, gap)
-        call begin_gaps(self%model, gap, is_wanted, rested, self%stops)
+        call begin_gaps(self%model, gap, is_wanted, rested, self%way%stops)
     end procedure renew_gaps
 end submodule linkdyn_forward_stops

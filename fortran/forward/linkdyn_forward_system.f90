@@ -12,24 +12,24 @@
 !> gfortran 12 keeps procedures of this file that are not public to itself: what submodules call is bound to the type, or has its body in
 !> one of them.
 module linkdyn_forward_system
-    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, measure_rates, note_start
+    use linkdyn_bounce_watch, only: prepare_bounce_watch, measure_rates, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly, &
         longest_way
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
-    use linkdyn_clutch_states, only: clutch_states, prepare_clutches, holds_anywhere, only_slides
+    use linkdyn_clutch_states, only: prepare_clutches, holds_anywhere, only_slides
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
     use linkdyn_controllers, only: controllers_type, begin_controllers
-    use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
+    use linkdyn_coordinate_watch, only: coordinate_watch, coordinate_ratios, forget_rates
     use linkdyn_cylinder_states, only: cylinder_states, prepare_cylinders, drive_by_cylinders, pack_pressure_rates
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_equation_kernels, only: kernel_family
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_energy_check, only: energy_check, weigh_energy, is_by_record, leave_turns_out, weigh_again, judge_steps, &
+    use linkdyn_energy_check, only: weigh_energy, is_by_record, leave_turns_out, weigh_again, judge_steps, &
         list_neighbours, find_surplus, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, share_equations, &
         renew_equations, free_equations, prepare_workspace, want_of, solve_equations, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, leave_drives, free_drives
-    use linkdyn_event_log, only: event_log, event_entry
+    use linkdyn_event_log, only: event_entry
     use linkdyn_followed_angles, only: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, &
         wraps_anywhere, follow_angles, looks_for_angles, follow_within, note_nearest, angles_at
     use linkdyn_forward_look, only: forward_look, free_looks
@@ -37,25 +37,26 @@ module linkdyn_forward_system
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, families_of_state, unpack_state, pack_rates, &
         counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
+    use linkdyn_forward_way, only: forward_way
     use linkdyn_held_variables, only: held_accelerations
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_system, only: lane_system
+    use linkdyn_lane_system, only: lane_system, lane_way
     use linkdyn_cam_sight, only: cam_sight, plan_cam_sight
     use linkdyn_led_mechanism, only: follows_assembly
-    use linkdyn_law_sight, only: law_sight, plan_law_sight, has_to_look
+    use linkdyn_law_sight, only: plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, leave_motion_record, free_motion_forces
-    use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
+    use linkdyn_motor_states, only: prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
     use linkdyn_scene, only: effort_inverse, effort_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
-    use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
+    use linkdyn_stop_states, only: prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -74,7 +75,7 @@ module linkdyn_forward_system
         type(state_layout) :: layout
         type(equations_type) :: equations              !! of every stage: accelerations, and unknown driving forces
         type(equation_workspace) :: workspace
-        type(carried_assembly) :: assembly
+        type(forward_way) :: way                       !! what there is to remember of it
         logical :: wants_work = .true.
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
         ! ---- forces of actuators
@@ -82,41 +83,25 @@ module linkdyn_forward_system
                                                        !! for (n_actuator)
         type(motion_forces) :: of_motion               !! these forces
         type(evaluated_drives), private :: drives      !! the others, but for those that are given
-        real(wp), allocatable :: given_force(:)        !! in place of drives, by whoever steps the system (n_actuator); absent: nobody
-                                                       !! gives any
         type(controlled_drives) :: control
-        type(motor_states) :: motors
         type(cylinder_states) :: cylinders
         logical, private :: has_motor_laws = .false., has_cylinders = .false.  !! whoever asks the record looks after them
         logical, private :: may_be_torn = .false.      !! chambers may be what they cannot be: two roads are compared
         ! ---- what becomes of steps
-        type(energy_check), private :: energy
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
-        type(bounce_watch) :: bounce                   !! on the other coordinates
-        integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- events, end stops, clutches
         type(model_type), pointer :: own => null()     !! with the coordinates that events are told in; null: model
         logical :: may_end = .true.                    !! an event that ends runs ends this one
-        integer :: final_event(lanes) = 0              !! that did; 0: none
-        logical :: is_driven_through(lanes) = .false.  !! it is a stop that cannot hold: what strikes it is driven
-        type(event_log) :: log
         integer :: n_told = 1                          !! lanes whose events are told
-        type(followed_angles), private :: angles         !! that events look at
-        type(followed_angles), private :: of_joints      !! that are results; empty: nobody has asked
-        type(stop_states) :: stops
-        type(clutch_states) :: clutch
-        type(held_accelerations) :: held               !! of what both hold, at the state in the workspace
+        type(followed_angles), private :: of_joints    !! that are results; empty: nobody has asked
+        type(held_accelerations) :: held               !! of what stops and clutches hold, at the state in the workspace
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
-        integer :: n_before_record = 0                 !! evaluations on lanes before that
         type(shared_programs), pointer :: shared => null()    !! held; null: nobody has given or needed any
         type(forward_record) :: record
         type(forward_look) :: looks           !! at the ends of steps
-        integer :: n_accepted = 0                      !! steps so far
         integer :: n_by_record = 0                     !! evaluations by the record alone
-        integer :: n_left = 0                          !! other ones since the last accepted state
-        type(law_sight) :: sight                       !! what laws do within steps
-        type(cam_sight), allocatable :: of_cams(:)     !! and the outlines of cams
+        type(cam_sight), allocatable :: of_cams(:)     !! what the outlines of cams do within steps
         logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
                                                        !! is; it is here:
         real(wp), private :: t_tried = 0               !! [s]
@@ -167,30 +152,14 @@ module linkdyn_forward_system
         procedure :: renew
     end type forward_system
 
-    !> What a system remembers of its way.
+    !> What a system remembers of its way, with that of its parts.
     type :: forward_memory
         private
-        logical :: wants_rest = .false.
-        real(wp), allocatable :: turns(:, :)
-        integer :: n_jump = 0
-        real(wp) :: mode(lanes) = 0
-        real(wp), allocatable :: guard_side(:, :), guard_scale(:, :)
-        logical, allocatable :: guard_is_fresh(:, :)
-        type(stop_states) :: stops
-        type(clutch_states) :: clutch
-        type(followed_angles) :: angles
-        type(carried_assembly) :: assembly, of_motion
-        type(controllers_type) :: control
-        type(motor_states) :: motors
-        type(energy_check) :: energy
-        type(bounce_watch) :: bounce
-        real(wp), allocatable :: ratio(:, :), ratio_before(:, :), least_ratio(:)    !! of the watch
-        integer :: obstacle(lanes) = sample_ok, final_event(lanes) = 0
-        logical :: is_driven_through(lanes) = .false.
-        type(event_log) :: log
-        type(law_sight) :: sight
-        integer :: n_accepted = 0, n_before_record = 0, n_left = 0
-        real(wp), allocatable :: given_force(:)
+        type(lane_way) :: lane_way
+        type(forward_way) :: way
+        type(carried_assembly) :: of_motion            !! of the forces that the scene's motion asks for
+        type(controllers_type) :: controllers
+        type(coordinate_ratios) :: ratios
     end type forward_memory
 
     ! How is said in the submodules. Instants t in s, states y (lane, n).
@@ -270,7 +239,7 @@ module linkdyn_forward_system
         module function seen_motion(self, is_acceleration) result(motion)
             class(forward_system), intent(in) :: self
             logical, intent(in) :: is_acceleration         !! else rates
-            real(wp) :: motion(3, size(self%bounce%joint) + size(self%bounce%link))    ! [rad/s, m/s; /s]
+            real(wp) :: motion(3, size(self%way%bounce%joint) + size(self%way%bounce%link))    ! [rad/s, m/s; /s]
         end function seen_motion
 
         module subroutine compare_seen(self)
@@ -524,20 +493,20 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%law%kind == effort_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
-        system%n_before_record = evaluations_on_lanes(model)
-        call plan_law_sight(model%scene%laws, laws_over_time(model%scene), system%sight)
+        system%way%n_before_record = evaluations_on_lanes(model)
+        call plan_law_sight(model%scene%laws, laws_over_time(model%scene), system%way%sight)
         call plan_cam_sight(model, system%of_cams)
-        system%may_leap = has_to_look(system%sight) .or. model%n_cam > 0 .or. follows_assembly(model)
-        call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
+        system%may_leap = has_to_look(system%way%sight) .or. model%n_cam > 0 .or. follows_assembly(model)
+        call prepare_bounce_watch(model, unknown%acceleration, system%way%bounce)
         call prepare_events(model, system)
         call plan_control(model, system%control, status)
         if (system%n_guard > 0 .or. n_controller(model%scene) > 0 .or. size(model%scene%laws%law) > 0 .or. model%n_cam > 0 &
             .or. follows_assembly(model)) then
             call prepare_kinematics(model, 0, system%look)
         end if
-        call prepare_motors(model%n_actuator, system%motors)
+        call prepare_motors(model%n_actuator, system%way%motors)
         call prepare_cylinders(model%n_actuator, system%cylinders)
-        if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
+        if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%way%given_force)))) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, kernels, system%of_motion, status)
         else
@@ -554,9 +523,9 @@ contains
         if (system%n_guard == 0) return
         system%guard_direction = model%scene%event%direction
         allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
-        call prepare_clutches(n_clutch(model%scene), system%clutch)
-        call prepare_stops(n_stop(model%scene), system%stops)
-        call prepare_measured_angles(model, system%angles)
+        call prepare_clutches(n_clutch(model%scene), system%way%clutch)
+        call prepare_stops(n_stop(model%scene), system%way%stops)
+        call prepare_measured_angles(model, system%way%angles)
     end subroutine prepare_events
 
     ! ---------------------------------------------------------------- run
@@ -567,9 +536,9 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: y(:, :)
 
-        call begin_assembly(self%model, t, self%assembly)
-        self%angles%t = t
-        self%motors%t_braked = t
+        call begin_assembly(self%model, t, self%way%assembly)
+        self%way%angles%t = t
+        self%way%motors%t_braked = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (n_controller(self%model%scene) > 0) then
@@ -596,8 +565,8 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: y(:, :)
 
-        call begin_assembly(self%model, t, self%assembly)
-        self%assembly%n_crossed = other%assembly%n_crossed
+        call begin_assembly(self%model, t, self%way%assembly)
+        self%way%assembly%n_crossed = other%way%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
         self%of_joints = other%of_joints
         if (wraps_anywhere(self%of_joints)) call need_look(self)
@@ -606,17 +575,17 @@ contains
         self%per_place(self%layout%work) = other%per_place(other%layout%work)
         self%is_book(self%layout%work) = other%is_book(other%layout%work)
         self%control%state = other%control%state
-        self%motors%switched = other%motors%switched
-        self%motors%is_on = other%motors%is_on
+        self%way%motors%switched = other%way%motors%switched
+        self%way%motors%is_on = other%way%motors%is_on
         self%may_end = other%may_end
-        self%log = other%log
+        self%way%log = other%way%log
         if (self%n_guard > 0) then
-            self%clutch = other%clutch
-            self%stops = other%stops
+            self%way%clutch = other%way%clutch
+            self%way%stops = other%way%stops
             self%guard_side = other%guard_side
             self%guard_scale = other%guard_scale
             self%guard_is_fresh = other%guard_is_fresh
-            self%angles = other%angles
+            self%way%angles = other%way%angles
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
         self%guards_agree = .false.
@@ -665,7 +634,7 @@ contains
         logical :: is_left(lanes)
 
         if (.not. self%has_record_now(t(1))) then
-            self%n_left = self%n_left + 1
+            self%way%n_left = self%way%n_left + 1
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
@@ -696,7 +665,7 @@ contains
             self%n_used = lanes
         end if
         if (.not. failed) return
-        self%n_left = self%n_left + 1
+        self%way%n_left = self%way%n_left + 1
         call self%evaluate_spread(t, y, rate, failed)
     end subroutine evaluate_one
 
@@ -707,7 +676,7 @@ contains
         integer :: k
 
         longest = huge(1.0_wp)
-        if (.not. self%assembly%is_needed .or. self%model%n_branch == 0) return
+        if (.not. self%way%assembly%is_needed .or. self%model%n_branch == 0) return
         do k = 1, self%model%n_q
             associate (p => self%layout%position(k))
                 if (p > 0) longest = min(longest, longest_way(self%model%stride(k))/max(abs(rate(p)), tiny(1.0_wp)))
@@ -754,7 +723,7 @@ contains
         real(wp) :: on_lanes(lanes, self%n)
         integer :: k
 
-        self%n_left = self%n_left + 1
+        self%way%n_left = self%way%n_left + 1
         call self%evaluate_on_lanes(t, y, on_lanes, failed)
         failed = failed .and. is_left
         do k = 1, self%n
@@ -769,9 +738,9 @@ contains
         real(wp), intent(in) :: t                      !! [s]
 
         has_one = .false.
-        if (rests_anywhere(self%stops) .or. .not. only_slides(self%model%scene, self%clutch)) return
+        if (rests_anywhere(self%way%stops) .or. .not. only_slides(self%model%scene, self%way%clutch)) return
         ! Steps tell how long the run is whatever is looked at, and whenever it comes back for want of time.
-        if (self%n_accepted*self%evaluations_a_step < self%n_before_record) return
+        if (self%way%n_accepted*self%evaluations_a_step < self%way%n_before_record) return
         if (self%may_record .and. .not. associated(self%record%recorded)) call self%make_record(t)
         has_one = self%may_record .and. associated(self%record%recorded)
     end function has_record_now
@@ -798,7 +767,7 @@ contains
                 call forget_forces(self%of_motion)
             else
                 call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
-                call evaluate_assembled(model, t, self%assembly, workspace%state)
+                call evaluate_assembled(model, t, self%way%assembly, workspace%state)
             end if
             self%held%is_measured = .false.
             if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
@@ -808,14 +777,14 @@ contains
                 call find_laws(model, workspace%state)
             call drive_actuators(self, t, y)
             workspace%n_used = self%n_used
-            if (n_clutch(model%scene) > 0) call rub_clutches(model, t, workspace, self%clutch)
-            is_held = rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)
+            if (n_clutch(model%scene) > 0) call rub_clutches(model, t, workspace, self%way%clutch)
+            is_held = rests_anywhere(self%way%stops) .or. holds_anywhere(self%way%clutch)
             call solve_equations(model, self%equations, workspace, is_free_of_friction=is_held .and. size(self%equations%rub) > 0)
             if (is_held) call hold_variables(self, t)
-            if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
+            if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%way%clutch)
             call pack_rates(model, self%layout, lanes, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, lanes, self%control, rate)
-            call pack_current_rates(self%layout, self%n_used, self%motors, rate)
+            call pack_current_rates(self%layout, self%n_used, self%way%motors, rate)
             call pack_pressure_rates(model, self%layout, self%n_used, self%cylinders, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
@@ -832,9 +801,9 @@ contains
         integer :: k
 
         associate (workspace => self%workspace, given => .not. self%equations%unknown%drive)
-            if (allocated(self%given_force)) then
+            if (allocated(self%way%given_force)) then
                 do k = 1, self%model%n_actuator
-                    if (given(k)) workspace%driving_force(:, k) = self%given_force(k)
+                    if (given(k)) workspace%driving_force(:, k) = self%way%given_force(k)
                 end do
             else
                 call evaluate_drives(self%model, given .and. .not. self%by_inverse, t, self%n_used, workspace%state, self%shared, &
@@ -846,7 +815,7 @@ contains
             if (self%control%state%n > 0) call drive_by_controllers(self, t, y)
             call drive_by_cylinders(self%model, self%layout, y, workspace, self%cylinders)
             if (motors_have_laws(self%model)) &
-                call drive_by_motors(self%model, self%equations, self%layout, t, y, workspace, self%motors)
+                call drive_by_motors(self%model, self%equations, self%layout, t, y, workspace, self%way%motors)
         end associate
     end subroutine drive_actuators
 
@@ -862,12 +831,12 @@ contains
         do k = 1, self%model%n_q
             failed = failed .or. .not. abs(self%workspace%acceleration(:, k)) <= huge(1.0_wp)
         end do
-        where (failed .and. self%obstacle == sample_ok) self%obstacle = self%workspace%status
+        where (failed .and. self%way%obstacle == sample_ok) self%way%obstacle = self%workspace%status
         if (applies_motion_forces(self)) then
-            where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
+            where (failed .and. self%way%obstacle == sample_ok) self%way%obstacle = self%of_motion%status
         end if
         if (.not. self%may_be_torn) failed = failed .or. self%cylinders%impossible > 0
-        where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
+        where (failed .and. self%way%obstacle == sample_ok) self%way%obstacle = sample_undefined
     end subroutine note_failures
 
     !> States at which a drive that is given has no force, whose equations have been solved all the same.
@@ -898,8 +867,8 @@ contains
                 call find_motion_forces(instant, n, self%of_motion)
                 force(:n, :) = self%of_motion%force(:n, :)
                 has_failed(:n) = self%of_motion%status(:n) /= sample_ok
-            else if (allocated(self%given_force)) then
-                force(:n, :) = spread(self%given_force, 1, n)
+            else if (allocated(self%way%given_force)) then
+                force(:n, :) = spread(self%way%given_force, 1, n)
             end if
         end associate
     end subroutine find_given_forces
@@ -908,7 +877,7 @@ contains
     pure logical function applies_motion_forces(self)
         class(forward_system), intent(in) :: self
 
-        applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%given_force)
+        applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%way%given_force)
     end function applies_motion_forces
 
     !> Which sides of stops are touched: events decide it from one accepted state to the next. Their forces so stay what they are up to
@@ -945,7 +914,7 @@ contains
         call unpack_state(self%model, self%layout, t, y, self%turns, self%look)
         if (present(acceleration)) self%look%qdd = acceleration
         self%look%time = t
-        call evaluate_assembled(self%model, t, self%assembly, self%look)
+        call evaluate_assembled(self%model, t, self%way%assembly, self%look)
     end subroutine look_closely
 
     ! ---------------------------------------------------------------- one accepted step
@@ -959,40 +928,40 @@ contains
         real(wp), dimension(lanes) :: energy, kinetic
         logical :: is_seen
 
-        self%n_accepted = self%n_accepted + 1
-        self%n_left = 0
-        if (holds_anywhere(self%clutch)) then
-            where (is_accepted) self%clutch%longest = max(self%clutch%longest, t - self%clutch%t_accepted)
+        self%way%n_accepted = self%way%n_accepted + 1
+        self%way%n_left = 0
+        if (holds_anywhere(self%way%clutch)) then
+            where (is_accepted) self%way%clutch%longest = max(self%way%clutch%longest, t - self%way%clutch%t_accepted)
         end if
-        where (is_accepted) self%clutch%t_accepted = t
+        where (is_accepted) self%way%clutch%t_accepted = t
         if (n_clutch(self%model%scene) > 0) call follow_slips(self, t, y, is_accepted)
-        where (is_accepted) self%motors%t_braked = t
-        where (is_accepted) self%obstacle = sample_ok
+        where (is_accepted) self%way%motors%t_braked = t
+        where (is_accepted) self%way%obstacle = sample_ok
         if (is_accepted(1)) self%cylinders%culprit = 0
         self%control%state%blind = 0
         is_seen = .false.
-        if (self%assembly%is_needed .or. wraps_anywhere(self%of_joints)) then
-            if (self%bounce%is_recorded .or. .not. self%bounce%is_on) is_seen = sees_accepted(self, t, y, is_accepted)
+        if (self%way%assembly%is_needed .or. wraps_anywhere(self%of_joints)) then
+            if (self%way%bounce%is_recorded .or. .not. self%way%bounce%is_on) is_seen = sees_accepted(self, t, y, is_accepted)
         end if
-        if (self%assembly%is_needed) then
-            call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
+        if (self%way%assembly%is_needed) then
+            call unpack_state(self%model, self%layout, t, y, self%turns, self%way%assembly%state)
             if (is_seen) is_seen = accept_by_look(self, t, y, is_accepted)
             if (.not. is_seen) is_seen = accept_lanes_by_look(self, t, y, is_accepted)
             if (.not. is_seen) then
-                call accept_assembly(self%model, t, is_accepted, self%assembly)
+                call accept_assembly(self%model, t, is_accepted, self%way%assembly)
                 if (.not. weighs_by_look(self, t, y)) then
-                    call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
-                    call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%energy)
+                    call energy_of_motion(self%model, self%way%assembly%state, energy, kinetic)
+                    call weigh_energy(energy, kinetic, y(:, self%layout%supplied), self%way%energy)
                 end if
             end if
         end if
-        if (self%bounce%is_on .and. is_seen) then
-            call note_start(t(1), seen_motion(self, is_acceleration=.false.), self%bounce)
-        else if (self%bounce%is_on) then
-            call note_start(t(1), measure_rates(self%model, self%assembly%state, self%bounce), self%bounce)
+        if (self%way%bounce%is_on .and. is_seen) then
+            call note_start(t(1), seen_motion(self, is_acceleration=.false.), self%way%bounce)
+        else if (self%way%bounce%is_on) then
+            call note_start(t(1), measure_rates(self%model, self%way%assembly%state, self%way%bounce), self%way%bounce)
         end if
         call accept_motion(t, is_accepted, self%of_motion)
-        if (wraps_anywhere(self%angles) .or. wraps_anywhere(self%of_joints)) &
+        if (wraps_anywhere(self%way%angles) .or. wraps_anywhere(self%of_joints)) &
             call follow_turns(self, t, y, is_accepted, is_seen)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
@@ -1013,17 +982,17 @@ contains
         logical, intent(in) :: is_accepted(lanes)
         logical, intent(in) :: is_seen                 !! by the record; else it has just been computed on lanes, if it had to be
 
-        if (.not. wraps_anywhere(self%angles)) then
+        if (.not. wraps_anywhere(self%way%angles)) then
             if (is_seen) then
                 call follow_seen_turns(self, t(1))
                 return
-            else if (self%assembly%is_needed) then
-                call follow_angles(self%model, self%assembly%state, t, is_accepted, self%of_joints)
+            else if (self%way%assembly%is_needed) then
+                call follow_angles(self%model, self%way%assembly%state, t, is_accepted, self%of_joints)
                 return
             end if
         end if
         call self%look_closely(t, y)
-        if (wraps_anywhere(self%angles)) call follow_angles(self%model, self%look, t, is_accepted, self%angles)
+        if (wraps_anywhere(self%way%angles)) call follow_angles(self%model, self%look, t, is_accepted, self%way%angles)
         if (wraps_anywhere(self%of_joints)) call follow_angles(self%model, self%look, t, is_accepted, self%of_joints)
     end subroutine follow_turns
 
@@ -1031,7 +1000,7 @@ contains
     integer function looks_for_turns(self) result(n)
         class(forward_system), intent(inout) :: self
 
-        n = max(looks_for_angles(self%angles), looks_for_angles(self%of_joints))
+        n = max(looks_for_angles(self%way%angles), looks_for_angles(self%of_joints))
     end function looks_for_turns
 
     !> Angles have turned on the way through these places.
@@ -1045,7 +1014,8 @@ contains
             place = [(min(first + lane - 1, size(t)), lane=1, lanes)]
             call self%look_closely(t(place), y(place, :))
             associate (n => min(lanes, size(t) - first + 1))
-                if (wraps_anywhere(self%angles)) call follow_within(self%model, self%look, t(place), n, first, size(t), self%angles)
+                if (wraps_anywhere(self%way%angles)) &
+                    call follow_within(self%model, self%look, t(place), n, first, size(t), self%way%angles)
                 if (wraps_anywhere(self%of_joints)) &
                     call follow_within(self%model, self%look, t(place), n, first, size(t), self%of_joints)
             end associate
@@ -1087,7 +1057,7 @@ contains
         do k = 1, self%n
             there%turns(lane:, k) = self%turns(1, k)
         end do
-        call leave_standing(self%assembly, lane, there%assembly)
+        call leave_standing(self%way%assembly, lane, there%assembly)
         call note_nearest(self%of_joints, t, lane, there%of_joints)
     end subroutine leave_standing_here
 
@@ -1107,9 +1077,9 @@ contains
         logical :: is_broken(lanes)
 
         is_broken = .false.
-        if (.not. (self%assembly%is_needed .and. self%wants_work)) return
-        call judge_steps(self%assembly, self%energy, is_broken)
-        where (is_broken .and. self%obstacle == sample_ok) self%obstacle = sample_branch_lost
+        if (.not. (self%way%assembly%is_needed .and. self%wants_work)) return
+        call judge_steps(self%way%assembly, self%way%energy, is_broken)
+        where (is_broken .and. self%way%obstacle == sample_ok) self%way%obstacle = sample_branch_lost
     end function has_broken_law
 
     !> Energy that is there but was not supplied, since the last accepted state, over what the errors allowed and rounding
@@ -1123,15 +1093,15 @@ contains
         logical :: are_seen
 
         part = 0
-        if (.not. (self%assembly%is_needed .and. self%wants_work)) return
+        if (.not. (self%way%assembly%is_needed .and. self%wants_work)) return
         state = list_neighbours(y, nudge, error)
         allocate (surplus(size(state, 2)))
         call see_surplus(self, t, state, surplus, scale, are_seen)
         if (.not. are_seen) then
-            call weigh_again(self%model, self%layout, self%assembly, self%energy)
-            call find_surplus(self%model, self%layout, t, state, self%turns, self%assembly, surplus, scale)
+            call weigh_again(self%model, self%layout, self%way%assembly, self%way%energy)
+            call find_surplus(self%model, self%layout, t, state, self%turns, self%way%assembly, surplus, scale)
         end if
-        call compare_surplus(surplus, scale, self%energy, part)
+        call compare_surplus(surplus, scale, self%way%energy, part)
     end function broken_law
 
     !> Ways to the next states begin where these have their turns left out.
@@ -1141,11 +1111,11 @@ contains
         integer :: k
 
         self%turns = self%turns + turns
-        if (.not. self%assembly%is_needed) return
-        call leave_turns_out(turns, self%energy)
+        if (.not. self%way%assembly%is_needed) return
+        call leave_turns_out(turns, self%way%energy)
         do k = 1, self%model%n_q
             associate (p => self%layout%position(k))
-                if (p > 0) self%assembly%q(:, k) = with_turns(self%assembly%q(:, k), -turns(:, p))
+                if (p > 0) self%way%assembly%q(:, k) = with_turns(self%way%assembly%q(:, k), -turns(:, p))
             end associate
         end do
     end subroutine note_turns_forward

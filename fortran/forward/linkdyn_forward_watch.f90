@@ -9,7 +9,7 @@ contains
     !> Compare the rates at an accepted state.
     module procedure look_at
         call unpack_state(self%model, self%layout, t, y, self%turns, self%watch%state)
-        call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
+        call evaluate_assembled(self%model, t, self%way%assembly, self%watch%state)
         call compare_rates(self%model, self%watch%state, self%watch)
     end procedure look_at
 
@@ -36,8 +36,8 @@ contains
 
     !> By which tolerances steps will be taken: whether a mechanism thrown back is looked for at their ends.
     module procedure watch_ends
-        call watch_loose_steps(self%model, self%equations%unknown%acceleration, rtol, atol, self%bounce)
-        self%looks_at_ends = self%bounce%is_on
+        call watch_loose_steps(self%model, self%equations%unknown%acceleration, rtol, atol, self%way%bounce)
+        self%looks_at_ends = self%way%bounce%is_on
     end procedure watch_ends
 
     !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back at its dead point?
@@ -45,7 +45,7 @@ contains
         real(wp), allocatable :: accepted(:, :)
 
         leads_too_far = .false.
-        if (self%bounce%is_on) leads_too_far = bounces_there(self, t)
+        if (self%way%bounce%is_on) leads_too_far = bounces_there(self, t)
         if (leads_too_far) return
         if (.not. self%watch%is_on) return
         accepted = self%watch%ratio
@@ -63,15 +63,15 @@ contains
         real(wp), dimension(self%model%n_q) :: before, now
 
         stalled = 0
-        if (.not. self%bounce%is_on) return
+        if (.not. self%way%bounce%is_on) return
         call prepare_kinematics(self%model, self%model%n_q, state)
         call begin_assembly(self%model, t, start)
         state%q = spread(self%model%start_q, 1, lanes)
         call evaluate_assembled(self%model, spread(t, 1, lanes), start, state)
-        before = gains_of(self%model, state, self%bounce)
+        before = gains_of(self%model, state, self%way%bounce)
         call unpack_state(self%model, self%layout, spread(t, 1, lanes), y, self%turns, state)
-        call evaluate_assembled(self%model, spread(t, 1, lanes), self%assembly, state)
-        now = gains_of(self%model, state, self%bounce)
+        call evaluate_assembled(self%model, spread(t, 1, lanes), self%way%assembly, state)
+        now = gains_of(self%model, state, self%way%bounce)
         where (self%layout%rate > 0 .and. now <= huge(1.0_wp) .and. before > 0)
             now = now/before
         elsewhere
@@ -84,16 +84,17 @@ contains
     logical function bounces_there(self, t) result(bounces)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! of it [s]
-        real(wp), dimension(3, size(self%bounce%joint) + size(self%bounce%link)) :: rate, acceleration
+        real(wp), dimension(3, size(self%way%bounce%joint) + size(self%way%bounce%link)) :: rate, acceleration
 
-        if (self%bounce%is_recorded .and. sees_end(self)) then
+        if (self%way%bounce%is_recorded .and. sees_end(self)) then
             rate = seen_motion(self, is_acceleration=.false.)
             acceleration = seen_motion(self, is_acceleration=.true.)
         else
             call catch_up(self)
-            call measure_end(self%model, self%workspace%state, self%workspace%acceleration(1, :), self%bounce, rate, acceleration)
+            call measure_end(self%model, self%workspace%state, self%workspace%acceleration(1, :), self%way%bounce, rate, &
+                             acceleration)
         end if
-        call look_at_end(t, rate, acceleration, self%bounce, bounces)
+        call look_at_end(t, rate, acceleration, self%way%bounce, bounces)
     end function bounces_there
 
     !> Compare the rates in the state evaluated last.
@@ -116,7 +117,7 @@ contains
         if (.not. self%is_behind) return
         t = self%t_tried
         call unpack_state(self%model, self%layout, t, spread(self%y_tried, 1, lanes), self%turns, self%workspace%state)
-        call evaluate_assembled(self%model, t, self%assembly, self%workspace%state)
+        call evaluate_assembled(self%model, t, self%way%assembly, self%workspace%state)
         self%held%is_measured = .false.
         self%is_behind = .false.
     end subroutine catch_up

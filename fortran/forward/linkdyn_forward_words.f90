@@ -102,15 +102,15 @@ contains
         status = sample_ok
         ! However the steps have come to their end, by what they lost or by how short they became: this is why.
         stalled = 0
-        if (.not. (run%is_over .or. run%system%is_driven_through(1) .or. has_blind_controller(run) &
+        if (.not. (run%is_over .or. run%system%way%is_driven_through(1) .or. has_blind_controller(run) &
                    .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
             stalled = run%system%stalled_coordinate(run%good_until, run%y)
         driven_out = ""
-        if (.not. (run%is_over .or. run%system%is_driven_through(1))) driven_out = driven_out_in_words(run)
+        if (.not. (run%is_over .or. run%system%way%is_driven_through(1))) driven_out = driven_out_in_words(run)
         if (run%is_over) then
-            reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
-        else if (run%system%is_driven_through(1)) then
-            reason = reason//driven_through_in_words(run%own, run%system%final_event(1))
+            reason = reason//"event "//quoted(run%own%scene%event(run%system%way%final_event(1))%name)
+        else if (run%system%way%is_driven_through(1)) then
+            reason = reason//driven_through_in_words(run%own, run%system%way%final_event(1))
         else if (driven_out /= "") then
             reason = reason//driven_out
         else if (run%dead_coordinate > 0) then
@@ -125,14 +125,14 @@ contains
             else
                 reason = reason//no_stand_in
             end if
-        else if (meeting_map(run) > 0 .and. .not. (run%system%bounce%is_ahead &
+        else if (meeting_map(run) > 0 .and. .not. (run%system%way%bounce%is_ahead &
                                                                   .and. run%model%scene%passes_change_points)) then
             ! where runs end at change points, what turns back there does so for that
             reason = reason//map_in_words(run%model, meeting_map(run))//" come to a change point" &
                      //meeting_in_words(run%model)
-        else if (run%system%bounce%is_ahead .and. run%integrator%reason /= stop_pace) then
+        else if (run%system%way%bounce%is_ahead .and. run%integrator%reason /= stop_pace) then
             ! steps that would not come to the end meet bounces as well, where they are too long
-            if (run%system%bounce%is_recorded) then
+            if (run%system%way%bounce%is_recorded) then
                 reason = reason//"a coordinate that is part of a pose or of a joint with several axes"//no_stand_in
             else
                 reason = reason//"a coordinate comes to its dead point, and at these tolerances every step " &
@@ -199,7 +199,7 @@ contains
         type(forward_run), intent(in) :: run
         real(wp), parameter :: flat = 1.0e-2_wp        !! margin at which they are said to come to that
 
-        associate (assembly => run%system%assembly)
+        associate (assembly => run%system%way%assembly)
             map = assembly%map_lost(1)
             if (map > 0 .or. run%model%scene%passes_change_points .or. run%integrator%reason /= stop_pace &
                 .or. run%integrator%n_step == 0 .or. .not. allocated(assembly%margin)) return
@@ -223,7 +223,7 @@ contains
         type(forward_run), intent(in) :: run
 
         has_come_to_end = run%system%cylinders%culprit > 0 .and. &
-            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
+            .not. any(run%system%way%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
     end function has_come_to_end
 
     !> Has a controller nothing to put out, where the mechanism itself could go on?
@@ -231,7 +231,7 @@ contains
         type(forward_run), intent(in) :: run
 
         has_blind_controller = run%system%control%state%blind > 0 .and. &
-            .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
+            .not. any(run%system%way%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])
     end function has_blind_controller
 
     !> What may be at fault of a method that does not shorten its steps for it; blank of others.

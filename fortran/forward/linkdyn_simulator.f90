@@ -116,7 +116,7 @@ contains
         if (.not. status%is_ok()) return
         call leave(self)
         allocate (self%system)
-        self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
+        self%system%way%given_force = spread(0.0_wp, 1, self%model%n_actuator)
         call hold_programs(self%system%shared, self%shared)
         call build_forward_system(self%model, 0, self%system, status)
         self%system%may_end = .false.
@@ -249,8 +249,8 @@ contains
         end if
         call refuse_short_tables(self%heard, self%t, t_end - rounded*(t_end - self%t), "step", status)
         if (.not. status%is_ok()) return
-        if (any(force /= self%system%given_force)) then
-            self%system%given_force = force
+        if (any(force /= self%system%way%given_force)) then
+            self%system%way%given_force = force
             call self%integrator%reset()
         end if
         call self%integrator%pause%set(breath)
@@ -309,8 +309,8 @@ contains
         case (stop_pace)
             why = "the step limit is reached"
         case default
-            why = failure_at(self%model, self%system%workspace%state, self%system%obstacle(1), 1)
-            if (self%system%cylinders%culprit > 0 .and. self%system%obstacle(1) == sample_undefined) &
+            why = failure_at(self%model, self%system%workspace%state, self%system%way%obstacle(1), 1)
+            if (self%system%cylinders%culprit > 0 .and. self%system%way%obstacle(1) == sample_undefined) &
                 why = end_of_cylinder(self%system%cylinders, self%model)
             if (self%system%watch%is_on) then
                 dead = dead_coordinate(self%system%watch, .true.)
@@ -322,7 +322,7 @@ contains
                 if (self%system%watch%variable(stalled) == 0) &
                     why = "coordinate "//quoted(self%model%scene%coordinate(stalled)%name)//no_stand_in
             end if
-            if (self%system%is_driven_through(1)) why = driven_through_in_words(self%model, self%system%final_event(1))
+            if (self%system%way%is_driven_through(1)) why = driven_through_in_words(self%model, self%system%way%final_event(1))
         end select
         call fail(status, status_bad_input, "the simulation cannot go on beyond t = "//to_text(self%integrator%good_until(1)) &
                   //" s: "//why)

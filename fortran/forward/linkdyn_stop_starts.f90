@@ -74,7 +74,7 @@ contains
         do i = n_stop(system%model%scene), 1, -1
             associate (stop => system%model%scene%stop(i))
                 if (.not. stop%is_hard) cycle
-                where (gap(:, stop%event) < -much*touch_width(stop) .and. .not. system%stops%rests(:, i)) passed = i
+                where (gap(:, stop%event) < -much*touch_width(stop) .and. .not. system%way%stops%rests(:, i)) passed = i
             end associate
         end do
     end subroutine find_passed

@@ -4,21 +4,30 @@ module linkdyn_lane_system
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
-    public :: lane_system
+    public :: lane_system, lane_way
+
+    !> What solutions keep of the way that they have come, beside y.
+    type :: lane_way
+        logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
+        real(wp), allocatable :: turns(:, :)              !! not in the y that the steps go on with; there if `is_angle` is
+                                                          !! (lane, n)
+        real(wp) :: mode(lanes) = 0                       !! a number that changes where f jumps, at the last `evaluate`
+        integer :: n_jump = 0                             !! how often it did
+        real(wp), allocatable :: guard_side(:, :)         !! sign of a guard at the accepted state; 0: none yet (lane, n_guard)
+        real(wp), allocatable :: guard_scale(:, :)        !! its largest size so far (lane, n_guard)
+        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
+    end type lane_way
 
     !> dy/dt = f(t, y), `lanes` solutions side by side.
-    type, abstract :: lane_system
+    type, abstract, extends(lane_way) :: lane_system
         integer :: n = 0                                  !! components of y
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
         logical :: is_idle(lanes) = .false.               !! lanes whose solutions go no further: nobody looks at these either
         integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
         real(wp) :: span = 0                              !! how long the run is to be; 0: not known
         logical :: may_leap = .false.                     !! stages may leap over what f does within a step: see `part_in_sight`
-        logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
         logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
                                                           !! turn, and are asked for no worse; not allocated: none (n)
-        real(wp), allocatable :: turns(:, :)              !! not in the y that the steps go on with; there if `is_angle` is
-                                                          !! (lane, n)
         integer, allocatable :: family(:)                 !! of each component, one of `family_*`: which have ways of about one
                                                           !! size; not allocated: each is alone (n)
         real(wp), allocatable :: beside(:)                !! sizes of what components change, where these tell by how much they
@@ -28,21 +37,16 @@ module linkdyn_lane_system
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)
-        ! ---- jumps of f, which an evaluation tells by a number that changes there
+        ! ---- jumps of f, which an evaluation tells by its `mode`
         logical :: may_jump = .false.
-        real(wp) :: mode(lanes) = 0                       !! that number at the last `evaluate`
-        real(wp), allocatable :: mode_rate(:, :)          !! and f (lane, n)
+        real(wp), allocatable :: mode_rate(:, :)          !! f where the mode was found (lane, n)
         logical :: has_jumped = .false.                   !! f has, since `watch_jumps`
         real(wp), allocatable :: jump(:)                  !! by how much at most (n)
-        integer :: n_jump = 0                             !! how often, in all
         logical :: looks_at_ends = .false.                !! `leads_too_far` has something to say
         ! ---- guards: numbers over the state whose sign a run looks out for
         integer :: n_guard = 0
         logical :: lanes_are_one = .false.                !! one solution on all lanes
         integer, allocatable :: guard_direction(:)        !! +1: a crossing upwards counts, -1: downwards, 0: either (n_guard)
-        real(wp), allocatable :: guard_side(:, :)         !! sign at the accepted state; 0: none yet (lane, n_guard)
-        real(wp), allocatable :: guard_scale(:, :)        !! largest size so far (lane, n_guard)
-        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
     contains
         procedure :: evaluate_guards
         procedure :: survey

@@ -19,6 +19,7 @@ module linkdyn_coordinate_watch
     implicit none (type, external)
     private
     public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, take_rates, note_rates, forget_rates, grows
+    public :: coordinate_ratios
     public :: is_near_dead_point, is_well_past, dead_coordinate, largest_growth
 
     ! Of ratios, to what they were at best.
@@ -28,8 +29,14 @@ module linkdyn_coordinate_watch
     real(wp), parameter :: good_growth = 3          !! no dead point is near
     real(wp), parameter :: best_ratio = 1, worst_ratio = 10    !! at best, of what is counted as good
 
-    !> Joint variables are numbered as in the results.
-    type :: coordinate_watch
+    !> How fast joint variables are beside coordinates, at the accepted states so far. They are numbered as in the results.
+    type :: coordinate_ratios
+        real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
+        real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known (n_variable, n_q)
+        real(wp), allocatable :: least(:)           !! smallest of the largest ratios of a coordinate so far (n_q)
+    end type coordinate_ratios
+
+    type, extends(coordinate_ratios) :: coordinate_watch
         logical :: is_on = .false.
         logical :: may_exchange = .true.            !! false: it is only seen whether a coordinate is at its dead point
         integer, allocatable :: joint(:)            !! of a variable (n_variable)
@@ -37,9 +44,6 @@ module linkdyn_coordinate_watch
         logical, allocatable :: is_candidate(:)     !! the variable may become a coordinate (n_variable)
         real(wp), allocatable :: arm(:)             !! what makes a rate a speed: 1 for a slide [m] (n_variable)
         integer, allocatable :: variable(:)         !! that is a coordinate which may be exchanged; 0 (n_q)
-        real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
-        real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known (n_variable, n_q)
-        real(wp), allocatable :: least(:)           !! smallest of the largest ratios of a coordinate so far (n_q)
         logical :: is_compared = .false.            !! ratios at the state evaluated last are known, accepted or not:
         real(wp), allocatable :: ratio_tried(:, :)  !! these (n_variable, n_q)
         type(kinematic_state) :: state              !! at the position looked at
