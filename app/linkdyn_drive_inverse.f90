@@ -9,7 +9,7 @@ module linkdyn_drive_inverse
     use linkdyn_cli, only: command_line
     use linkdyn_clock, only: seconds_since
     use linkdyn_force_map, only: typical_length
-    use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
+    use linkdyn_inverse, only: inverse_results, inverse_solver, motion_batch, motion_of, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: follows_assembly
@@ -256,12 +256,14 @@ contains
         type(turn_count), allocatable, intent(inout) :: turns    !! not allocated: turns are not counted
         type(inverse_results), intent(out) :: results !! where they are in the block, and what is said of all
         type(status_type), intent(inout) :: status
-        real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
+        real(wp), pointer :: time(:), speed(:, :), power(:, :)
+        real(wp), pointer, contiguous :: q(:, :), qd(:, :), qdd(:, :)
         ! of samples near poles, which quaternions alone may pass
         real(wp) :: attitude(attitude_size, model%n_attitude, merge(n, 0, allocated(states%attitude) &
                                                                     .or. any(model%scene%coordinate%motion%angle > 0)))
-        real(wp), allocatable :: turned(:, :, :)      ! absent: all attitudes go by their angles
+        real(wp), allocatable, target :: turned(:, :, :)    ! absent: all attitudes go by their angles
         real(wp), allocatable, target :: spin(:, :), spin_rate(:, :)
+        type(motion_batch) :: motion
         logical :: stands_alone
 
         call view_values(layout, result_time, n, block, time)
@@ -300,11 +302,13 @@ contains
             qd => spin
             qdd => spin_rate
         end if
+        motion = motion_of(q, qd, qdd, scratch%load(:, :, :n))
+        motion%t => time
+        if (allocated(turned)) motion%quaternion => turned
         if (stands_alone) then
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, t=time, quaternion=turned)
+            call run_prepared(model, solver, threads, motion, results)
         else
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns, &
-                              t=time, quaternion=turned)
+            call run_prepared(model, solver, threads, motion, results, trail=trail, turns=turns)
         end if
         if (associated(power)) &
             call find_driving_power(layout, results%of(result_driving_force)%x, results%of(result_joint_rate)%x, speed, power)

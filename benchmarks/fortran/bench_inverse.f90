@@ -10,7 +10,7 @@ program bench_inverse
     use linkdyn_builder, only: build_model
     use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
     use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_of, prepare_inverse, run_prepared, &
         solver_name, solver_reduced
     use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp, wp_name
@@ -127,7 +127,7 @@ contains
     real(wp) function seconds_of(model, planned, q, qd, qdd, load, results, n_repeat)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: planned
-        real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
         type(inverse_results), intent(inout) :: results
         integer, intent(in) :: n_repeat
         integer(int64) :: start, finish, rate
@@ -135,7 +135,7 @@ contains
 
         call system_clock(start, rate)
         do k = 1, n_repeat
-            call run_prepared(model, planned, 1, q, qd, qdd, load, results)
+            call run_prepared(model, planned, 1, motion_of(q, qd, qdd, load), results)
         end do
         call system_clock(finish)
         seconds_of = real(finish - start, wp)/real(rate, wp)

@@ -9,7 +9,7 @@ program bench_sweep
     use linkdyn_result_kinds, only: result_driving_force, result_reaction
     use linkdyn_builder, only: build_model
     use linkdyn_input, only: read_file_text, folder_of
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_of, prepare_inverse, run_prepared, &
         solver_elimination
     use linkdyn_kinds, only: wp, wp_name
     use linkdyn_lane_count, only: lanes
@@ -107,7 +107,8 @@ contains
         type(status_type) :: status
         type(inverse_solver) :: planned
         type(inverse_results) :: results
-        real(wp), allocatable :: t(:), q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
+        real(wp), allocatable :: t(:)
+        real(wp), allocatable, target :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
         real(wp), allocatable, target :: driving_force(:, :), reaction(:, :, :)
         integer(int64) :: start, finish, rate
         integer :: i, k
@@ -124,7 +125,7 @@ contains
         best = huge(1.0_wp)
         do k = 1, 8*n_pass
             call system_clock(start, rate)
-            call run_prepared(model, planned, 1, q, qd, qdd, load, results)
+            call run_prepared(model, planned, 1, motion_of(q, qd, qdd, load), results)
             call system_clock(finish)
             best = min(best, real(finish - start, wp)/real(rate, wp)/n_pose)
         end do

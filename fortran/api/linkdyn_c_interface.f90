@@ -9,7 +9,7 @@ module linkdyn_c_interface
     use linkdyn_handles, only: close_handle
     use linkdyn_given_attitudes, only: take_attitudes, attitudes_of_matrices, attitude_size, rotation_size
     use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_count, check_finite
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_heard_tables, only: refuse_short_tables
@@ -267,37 +267,36 @@ contains
         type(inverse_options) :: options
         type(inverse_report) :: report
         type(room_type) :: room(n_room)
-        real(c_double), pointer, contiguous :: t1(:), q1(:), qd1(:), qdd1(:), load1(:), assembly(:), attitude1(:)
+        type(flat_motion) :: given
+        real(c_double), pointer, contiguous :: assembly(:), attitude1(:)
         real(c_double), allocatable, target :: turned(:), own(:, :)    ! attitudes, and coordinates with theirs
         integer(c_int), pointer, contiguous :: status1(:)
         integer(c_int), allocatable, target :: whole(:)
-        integer :: n
 
-        nullify (assembly, t1, attitude1)
+        nullify (assembly, attitude1)
         call hold_texts()
         call take_scene(handle, scene, status)
-        n = count_from("n", n_sample, status)
+        given%n = count_from("n", n_sample, status)
         if (status%is_ok()) then
             call check_width("coordinate", n_q, scene%model%n_q, status)
             call check_width("load", n_load, scene%model%n_load, status)
-            call see("q", q, scene%model%n_q, n, q1, status)
-            call see("qd", qd, scene%model%n_q, n, qd1, status)
-            call see("qdd", qdd, scene%model%n_q, n, qdd1, status)
-            call see("load", load, 6*scene%model%n_load, n, load1, status)
-            if (c_associated(t)) call see_instants(t, n, t1, status)
-            call see_integers("status", sample_status, n, status1, status)
+            call see("q", q, scene%model%n_q, given%n, given%q, status)
+            call see("qd", qd, scene%model%n_q, given%n, given%qd, status)
+            call see("qdd", qdd, scene%model%n_q, given%n, given%qdd, status)
+            call see("load", load, 6*scene%model%n_load, given%n, given%load, status)
+            if (c_associated(t)) call see_instants(t, given%n, given%t, status)
+            call see_integers("status", sample_status, given%n, status1, status)
             call read_inverse_settings(settings, options, status)
-            call see_rooms(scene, results, n_result, n, room, assembly, status)
+            call see_rooms(scene, results, n_result, given%n, room, assembly, status)
         end if
         if (status%is_ok() .and. (n_attitude > 0 .or. c_associated(attitude))) call see_attitudes()
         if (status%is_ok() .and. associated(assembly)) then
-            allocate (whole(n), source=0_c_int)
+            allocate (whole(given%n), source=0_c_int)
             room(findloc(room_id, result_assembly, dim=1))%integer => whole
         end if
         call release_texts()
         if (status%is_ok() .and. associated(attitude1)) call turn_to_angles()
-        if (status%is_ok()) call compute_inverse(scene, options, 0, n, q1, qd1, qdd1, load1, room, status1, report, status, t1, &
-                                                 turned)
+        if (status%is_ok()) call compute_inverse(scene, options, given, room, status1, report, status)
         call hold_texts()
         if (status%is_ok() .and. associated(assembly)) assembly = whole
         call leave_scene(handle, scene)
@@ -308,8 +307,8 @@ contains
         subroutine see_attitudes()
 
             call check_width("attitude", n_attitude, scene%model%n_attitude, status)
-            call see("attitude", attitude, attitude_size*scene%model%n_attitude, n, attitude1, status)
-            if (status%is_ok() .and. options%in_order .and. .not. associated(t1)) &
+            call see("attitude", attitude, attitude_size*scene%model%n_attitude, given%n, attitude1, status)
+            if (status%is_ok() .and. options%in_order .and. .not. associated(given%t)) &
                 call fail(status, status_bad_input, "no instants are given (expected t, of samples in order whose attitudes are)")
             if (.not. status%is_ok()) return
             if (.not. all(ieee_is_finite(attitude1))) call fail(status, status_bad_input, "attitude[" &
@@ -321,17 +320,18 @@ contains
             real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :)
 
             turned = attitude1
-            allocate (own(size(q1), 3))
-            own(:, 1) = q1
-            own(:, 2) = qd1
-            own(:, 3) = qdd1
-            q1 => own(:, 1)
-            qd1 => own(:, 2)
-            qdd1 => own(:, 3)
-            q2(1:scene%model%n_q, 1:n) => q1
-            qd2(1:scene%model%n_q, 1:n) => qd1
-            qdd2(1:scene%model%n_q, 1:n) => qdd1
-            attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => turned
+            allocate (own(size(given%q), 3))
+            own(:, 1) = given%q
+            own(:, 2) = given%qd
+            own(:, 3) = given%qdd
+            given%q => own(:, 1)
+            given%qd => own(:, 2)
+            given%qdd => own(:, 3)
+            given%attitude => turned
+            q2(1:scene%model%n_q, 1:given%n) => given%q
+            qd2(1:scene%model%n_q, 1:given%n) => given%qd
+            qdd2(1:scene%model%n_q, 1:given%n) => given%qdd
+            attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:given%n) => turned
             call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
         end subroutine turn_to_angles
     end function c_inverse_attitudes

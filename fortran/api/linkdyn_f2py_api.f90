@@ -27,7 +27,7 @@ module linkdyn_f2py_api
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
-    use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_size, check_finite
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_heard_tables, only: refuse_short_tables
@@ -551,7 +551,7 @@ contains
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n); one of them: all
         real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
-        real(c_double), intent(in) :: attitude(n_attitude)                                       ! of `take_attitudes`; one 0: none
+        real(c_double), intent(in), target :: attitude(n_attitude)                               ! of `take_attitudes`; one 0: none
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
         integer(c_int), intent(out) :: n_passed            ! change points, where the samples follow each other
@@ -562,6 +562,7 @@ contains
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(inverse_options) :: options
+        type(flat_motion) :: given
         type(inverse_report) :: found
         type(room_type) :: room(n_room)
         integer :: i
@@ -578,8 +579,15 @@ contains
                 if (place(i) /= 0) call open_room(place(i), room_id(i), room_width(scene%model, room_id(i))*int(n, c_intptr_t), &
                                                   room(i))
             end do
-            call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
-                                 sample_status, found, status, t, attitude(:used(n_attitude, scene%model%n_attitude)))
+            given%n = n
+            given%first = first
+            given%q => q
+            given%qd => qd
+            given%qdd => qdd
+            given%load => load(:used(n_load_values, 6*scene%model%n_load))
+            given%t => t
+            given%attitude => attitude(:used(n_attitude, scene%model%n_attitude))
+            call compute_inverse(scene, options, given, room, sample_status, found, status)
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
         n_passed = found%n_passed

@@ -6,7 +6,7 @@ module linkdyn_inverse_call
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_finite, only: all_are_finite
     use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared, solver_lapack
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_batch, run_prepared, solver_lapack
     use linkdyn_inverse_results, only: result_width, is_of_inverse
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
@@ -26,7 +26,7 @@ module linkdyn_inverse_call
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
-    public :: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, check_finite, &
+    public :: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, check_finite, &
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
@@ -37,6 +37,19 @@ module linkdyn_inverse_call
         result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
         result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin, &
         result_contact_force, result_pressure_angle, result_strand_force]
+
+    !> What a caller gives, sample after sample.
+    type :: flat_motion
+        integer :: n = 0                                 !! samples
+        integer :: first = 0                             !! number of the first one in messages
+        real(c_double), pointer, contiguous, dimension(:) :: q => null(), qd => null(), qdd => null()    !! (n_q*n) [m, rad]
+        real(c_double), pointer, contiguous :: load(:) => null()       !! (6*n_load*n), or (6*n_load) for all [N, N m]
+        real(c_double), pointer, contiguous :: t(:) => null()          !! instants [s], for laws over the state that ask for them
+                                                                       !! (n), or one for all; null: not given
+        real(c_double), pointer, contiguous :: attitude(:) => null()   !! of `take_attitudes` (attitude_size*n_attitude*n),
+                                                                       !! or one 0; null: all go by their angles
+    end type flat_motion
+
     !> Where a result goes; null: it is not wanted.
     type :: room_type
         real(c_double), pointer, contiguous :: real(:) => null()       !! (width*n), sample after sample
@@ -75,102 +88,62 @@ contains
     !> A batch. A sample that fails has its status, and NaN for results.
     !>
     !> **Errors**: arrays of a wrong size, input that is not finite, a scene or solver that cannot give what is wanted.
-    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status, t, attitude)
+    subroutine compute_inverse(scene, options, given, room, sample_status, report, status)
         type(open_scene), intent(inout) :: scene
         type(inverse_options), intent(in) :: options     !! what is wanted of its errors, rcond, distance is seen from the rooms
-        integer, intent(in) :: first                     !! number of the first sample in messages
-        integer, intent(in) :: n                         !! samples
-        real(c_double), intent(in), target, contiguous :: q(:), qd(:), qdd(:)   !! (n_q*n) [m, rad] and rates
-        real(c_double), intent(in), target, contiguous :: load(:)               !! (6*n_load*n), or (6*n_load) for all [N, N m]
+        type(flat_motion), intent(in) :: given
         type(room_type), intent(in) :: room(n_room)
         integer(c_int), intent(inout), target, contiguous :: sample_status(:)   !! (n)
         type(inverse_report), intent(inout) :: report
         type(status_type), intent(inout) :: status
-        real(c_double), intent(in), optional :: t(:)     !! instants [s], for laws over the state that ask for them (n), or one for all
-        real(c_double), intent(in), optional :: attitude(:)      !! of `take_attitudes` (attitude_size*n_attitude*n), or one 0
         type(inverse_solver), pointer :: solver
         type(assembly_trail) :: trail
         type(turn_count) :: turns
         type(inverse_results) :: results
         type(inverse_options) :: own
-        real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
-        real(c_double), allocatable :: turned(:, :, :)   ! absent: all attitudes go by their angles
-        real(c_double), allocatable, target :: spin(:, :), spin_rate(:, :)
-        logical :: by_quaternion
-        integer :: n_given, i                            ! loads, as many as samples or one
+        type(motion_batch) :: motion
+        real(c_double), pointer, contiguous :: speed2(:, :), power2(:, :)
+        real(c_double), allocatable, target :: turned(:, :, :), spin(:, :), spin_rate(:, :)
 
         own = options
-        n_given = merge(1, n, size(load) == 6*scene%model%n_load)
-        own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error) &
-                           .or. (is_wanted(result_error) .and. own%solver /= solver_lapack)  ! whose bound needs no probe
-        own%wants_rcond = is_wanted(result_rcond)
-        own%wants_distance = is_wanted(result_singularity_distance)
+        call see_estimates(room, own)
         call hold_texts()
-        call check_count(n, status)
-        if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction) .or. is_wanted(result_contact_force), &
-                                               solver, status)
-        if (status%is_ok()) call check_arrays(scene%model, n, n_given, q, qd, qdd, load, room, sample_status, &
-                                                status)
-        if (status%is_ok()) call check_input(scene%model, first, n, n_given, q, qd, qdd, load, status)
-        if (status%is_ok() .and. .not. present(t)) call require_no_instants(scene%model%scene, status)
-        by_quaternion = .false.
-        if (present(attitude)) by_quaternion = any(attitude /= 0)
-        if (by_quaternion) call check_size("attitude", size(attitude, kind=int64), attitude_size*scene%model%n_attitude, n, status)
-        if (by_quaternion .and. own%in_order .and. status%is_ok()) call refuse_way_past_pole( &
-            scene%model, reshape(attitude, [attitude_size, scene%model%n_attitude, n]), t, status)
+        call check_count(given%n, status)
+        if (status%is_ok()) call find_solver(scene, own, is_wanted(room, result_reaction) &
+                                             .or. is_wanted(room, result_contact_force), solver, status)
+        if (status%is_ok()) call check_arrays(scene%model, given, room, sample_status, status)
+        if (status%is_ok()) call check_input(scene%model, given, status)
+        if (status%is_ok() .and. .not. associated(given%t)) call require_no_instants(scene%model%scene, status)
+        if (goes_by_quaternions(given)) call check_attitudes(scene%model, given, own%in_order, status)
         call release_texts()
         if (.not. status%is_ok()) return
-        associate (model => scene%model)
-            q2(1:model%n_q, 1:n) => q
-            qd2(1:model%n_q, 1:n) => qd
-            qdd2(1:model%n_q, 1:n) => qdd
-            load3(1:6, 1:model%n_load, 1:n_given) => load
-            results%status => sample_status
-            call use_rooms(model, n, room, results)
-            if (any([(is_motor_load(room_id(i)) .and. is_wanted(room_id(i)), i=1, n_room)])) &
-                call results%add(model, result_transmission_force, n)
-            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed) &
-                .or. results%wants(result_transmission_force)) then
-                call results%add(model, result_driving_force, n)
-                call results%add(model, result_joint_rate, n)
-            end if
-            if (by_quaternion) then
-                call turn_by_quaternion(model, reshape(attitude, [attitude_size, model%n_attitude, n]), qd2, qdd2, spin, &
-                                        spin_rate, turned)
-                qd2 => spin
-                qdd2 => spin_rate
-            end if
-            if (own%in_order) then
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns, t=t, &
-                                  quaternion=turned)
-            else
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, t=t, quaternion=turned)
-            end if
-            report%roads = results%roads
-            report%lost_sample = results%lost_sample
-            report%lost_in_words = results%lost_in_words
-            report%n_passed = trail%n_crossed
-            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) call give_power(model%n_actuator)
-            if (results%wants(result_transmission_force)) call give_motor_loads(size(model%motor))
-            call results%free()
-        end associate
+        results%status => sample_status
+        call use_rooms(scene%model, given%n, room, results)
+        call add_sources(scene%model, room, given%n, results)
+        call take_motion(scene%model, given, turned, spin, spin_rate, motion)
+        if (own%in_order) then
+            call run_prepared(scene%model, solver, own%threads, motion, results, trail=trail, turns=turns)
+        else
+            call run_prepared(scene%model, solver, own%threads, motion, results)
+        end if
+        report%roads = results%roads
+        report%lost_sample = results%lost_sample
+        report%lost_in_words = results%lost_in_words
+        report%n_passed = trail%n_crossed
+        if (is_wanted(room, result_driving_power) .or. is_wanted(room, result_driving_speed)) &
+            call give_power(scene%model%n_actuator)
+        if (results%wants(result_transmission_force)) call give_motor_loads(size(scene%model%motor))
+        call results%free()
 
     contains
-
-        pure logical function is_wanted(id)
-            integer, intent(in) :: id
-
-            associate (place => findloc(room_id, id, dim=1))
-                is_wanted = associated(room(place)%real) .or. associated(room(place)%integer)
-            end associate
-        end function is_wanted
 
         !> Speed and power of the actuators; one of them may be unwanted.
         subroutine give_power(n_actuator)
             integer, intent(in) :: n_actuator
             real(c_double), allocatable, target :: unwanted(:)
 
-            if (.not. (is_wanted(result_driving_power) .and. is_wanted(result_driving_speed))) allocate (unwanted(n_actuator*n))
+            if (.not. (is_wanted(room, result_driving_power) .and. is_wanted(room, result_driving_speed))) &
+                allocate (unwanted(n_actuator*given%n))
             call view(result_driving_speed, n_actuator, unwanted, speed2)
             call view(result_driving_power, n_actuator, unwanted, power2)
             call find_driving_power(scene%layout, results%of(result_driving_force)%x, results%of(result_joint_rate)%x, &
@@ -185,16 +158,16 @@ contains
             integer, intent(in) :: n_motor
             real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), loss(:, :), of_constant(:, :)
 
-            allocate (torque(n_motor, n), speed(n_motor, n), power(n_motor, n), loss(n_motor, n))
+            allocate (torque(n_motor, given%n), speed(n_motor, given%n), power(n_motor, given%n), loss(n_motor, given%n))
             call find_motor_loads(scene%layout, results%of(result_driving_force)%x, results%of(result_transmission_force)%x, &
                                   results%of(result_joint_rate)%x, torque, speed, power, loss)
-            of_constant = spread(scene%layout%motor%torque_constant, 2, n)
+            of_constant = spread(scene%layout%motor%torque_constant, 2, given%n)
             call give(result_motor_torque, torque)
             call give(result_motor_speed, speed)
             call give(result_motor_power, power)
             call give(result_transmission_loss, loss)
-            if (is_wanted(result_torque_margin)) call give(result_torque_margin, margin_of(scene%layout, torque, speed))
-            if (is_wanted(result_motor_current)) call give(result_motor_current, torque/of_constant)
+            if (is_wanted(room, result_torque_margin)) call give(result_torque_margin, margin_of(scene%layout, torque, speed))
+            if (is_wanted(room, result_motor_current)) call give(result_motor_current, torque/of_constant)
             where (sample_status == sample_ok .and. .not. all(abs(power) + abs(torque) <= huge(1.0_c_double), dim=1)) &
                 sample_status = sample_undefined
         end subroutine give_motor_loads
@@ -203,7 +176,7 @@ contains
             integer, intent(in) :: id
             real(c_double), intent(in) :: values(:, :)
 
-            if (is_wanted(id)) room(findloc(room_id, id, dim=1))%real = reshape(values, [size(values)])
+            if (is_wanted(room, id)) room(findloc(room_id, id, dim=1))%real = reshape(values, [size(values)])
         end subroutine give
 
         subroutine view(id, n_actuator, unwanted, values)
@@ -211,13 +184,86 @@ contains
             real(c_double), allocatable, intent(in), target :: unwanted(:)
             real(c_double), pointer, contiguous, intent(out) :: values(:, :)
 
-            if (is_wanted(id)) then
-                values(1:n_actuator, 1:n) => room(findloc(room_id, id, dim=1))%real
+            if (is_wanted(room, id)) then
+                values(1:n_actuator, 1:given%n) => room(findloc(room_id, id, dim=1))%real
             else
-                values(1:n_actuator, 1:n) => unwanted
+                values(1:n_actuator, 1:given%n) => unwanted
             end if
         end subroutine view
     end subroutine compute_inverse
+
+    !> Estimates and conditions that somebody has made room for.
+    pure subroutine see_estimates(room, options)
+        type(room_type), intent(in) :: room(n_room)
+        type(inverse_options), intent(inout) :: options
+
+        ! the bound of LAPACK needs no probe
+        options%wants_errors = is_wanted(room, result_driving_force_error) .or. is_wanted(room, result_reaction_error) &
+                               .or. (is_wanted(room, result_error) .and. options%solver /= solver_lapack)
+        options%wants_rcond = is_wanted(room, result_rcond)
+        options%wants_distance = is_wanted(room, result_singularity_distance)
+    end subroutine see_estimates
+
+    pure logical function is_wanted(room, id)
+        type(room_type), intent(in) :: room(n_room)
+        integer, intent(in) :: id                        !! one of `room_id`
+
+        associate (place => findloc(room_id, id, dim=1))
+            is_wanted = associated(room(place)%real) .or. associated(room(place)%integer)
+        end associate
+    end function is_wanted
+
+    !> Results that wanted ones follow from, where they have no room of their own.
+    subroutine add_sources(model, room, n, results)
+        type(model_type), intent(in) :: model
+        type(room_type), intent(in) :: room(n_room)
+        integer, intent(in) :: n
+        type(inverse_results), intent(inout) :: results
+        integer :: i
+
+        if (any([(is_motor_load(room_id(i)) .and. is_wanted(room, room_id(i)), i=1, n_room)])) &
+            call results%add(model, result_transmission_force, n)
+        if (.not. (is_wanted(room, result_driving_power) .or. is_wanted(room, result_driving_speed) &
+                   .or. results%wants(result_transmission_force))) return
+        call results%add(model, result_driving_force, n)
+        call results%add(model, result_joint_rate, n)
+    end subroutine add_sources
+
+    pure logical function goes_by_quaternions(given)
+        type(flat_motion), intent(in) :: given
+
+        goes_by_quaternions = .false.
+        if (associated(given%attitude)) goes_by_quaternions = any(given%attitude /= 0)
+    end function goes_by_quaternions
+
+    !> The caller's arrays as the engine takes them. Where attitudes go by quaternions rates are turned, in arrays of their own.
+    subroutine take_motion(model, given, turned, spin, spin_rate, motion)
+        type(model_type), intent(in) :: model
+        type(flat_motion), intent(in) :: given
+        real(c_double), allocatable, target, intent(out) :: turned(:, :, :)    !! quaternions; not allocated: all go by their angles
+        real(c_double), allocatable, target, intent(out) :: spin(:, :), spin_rate(:, :)
+        type(motion_batch), intent(out) :: motion
+
+        motion%q(1:model%n_q, 1:given%n) => given%q
+        motion%qd(1:model%n_q, 1:given%n) => given%qd
+        motion%qdd(1:model%n_q, 1:given%n) => given%qdd
+        motion%load(1:6, 1:model%n_load, 1:n_loads(model, given)) => given%load
+        motion%t => given%t
+        if (.not. goes_by_quaternions(given)) return
+        call turn_by_quaternion(model, reshape(given%attitude, [attitude_size, model%n_attitude, given%n]), motion%qd, motion%qdd, &
+                                spin, spin_rate, turned)
+        motion%qd => spin
+        motion%qdd => spin_rate
+        if (allocated(turned)) motion%quaternion => turned
+    end subroutine take_motion
+
+    !> Loads are given for each sample, or once for all.
+    pure integer function n_loads(model, given) result(n)
+        type(model_type), intent(in) :: model
+        type(flat_motion), intent(in) :: given
+
+        n = merge(1, given%n, size(given%load) == 6*model%n_load)
+    end function n_loads
 
     !> Does a result follow from what a motor's transmission passes on?
     pure logical function is_motor_load(id)
@@ -270,26 +316,25 @@ contains
         end if
     end subroutine require_no_instants
 
-    subroutine check_arrays(model, n, n_given, q, qd, qdd, load, room, sample_status, status)
+    subroutine check_arrays(model, given, room, sample_status, status)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: n, n_given                !! samples, loads
-        real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
+        type(flat_motion), intent(in) :: given
         type(room_type), intent(in) :: room(n_room)
         integer(c_int), intent(in) :: sample_status(:)
         type(status_type), intent(inout) :: status
         integer :: i
 
-        call check_size("q", size(q, kind=int64), model%n_q, n, status)
-        call check_size("qd", size(qd, kind=int64), model%n_q, n, status)
-        call check_size("qdd", size(qdd, kind=int64), model%n_q, n, status)
-        call check_size("load", size(load, kind=int64), 6*model%n_load, n_given, status)
-        call check_size("status", size(sample_status, kind=int64), 1, n, status)
+        call check_size("q", size(given%q, kind=int64), model%n_q, given%n, status)
+        call check_size("qd", size(given%qd, kind=int64), model%n_q, given%n, status)
+        call check_size("qdd", size(given%qdd, kind=int64), model%n_q, given%n, status)
+        call check_size("load", size(given%load, kind=int64), 6*model%n_load, n_loads(model, given), status)
+        call check_size("status", size(sample_status, kind=int64), 1, given%n, status)
         do i = 1, n_room
             associate (width => room_width(model, room_id(i)))
                 if (associated(room(i)%real)) &
-                    call check_size(result_name(room_id(i)), size(room(i)%real, kind=int64), width, n, status)
+                    call check_size(result_name(room_id(i)), size(room(i)%real, kind=int64), width, given%n, status)
                 if (associated(room(i)%integer)) &
-                    call check_size(result_name(room_id(i)), size(room(i)%integer, kind=int64), width, n, status)
+                    call check_size(result_name(room_id(i)), size(room(i)%integer, kind=int64), width, given%n, status)
             end associate
         end do
     end subroutine check_arrays
@@ -314,17 +359,28 @@ contains
         text = trim(buffer)
     end function long_to_text
 
-    subroutine check_input(model, first, n, n_given, q, qd, qdd, load, status)
+    subroutine check_input(model, given, status)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: first, n, n_given         !! number of the first sample; samples, loads
-        real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
+        type(flat_motion), intent(in) :: given
         type(status_type), intent(inout) :: status
 
-        call check_finite("q", model, first, n, q, status)
-        call check_finite("qd", model, first, n, qd, status)
-        call check_finite("qdd", model, first, n, qdd, status)
-        call check_finite_loads(model, first, n_given, load, status)
+        call check_finite("q", model, given%first, given%n, given%q, status)
+        call check_finite("qd", model, given%first, given%n, given%qd, status)
+        call check_finite("qdd", model, given%first, given%n, given%qdd, status)
+        call check_finite_loads(model, given%first, n_loads(model, given), given%load, status)
     end subroutine check_input
+
+    !> Quaternions are there for all samples, and samples in order may not go past a pole unseen.
+    subroutine check_attitudes(model, given, in_order, status)
+        type(model_type), intent(in) :: model
+        type(flat_motion), intent(in) :: given
+        logical, intent(in) :: in_order
+        type(status_type), intent(inout) :: status
+
+        call check_size("attitude", size(given%attitude, kind=int64), attitude_size*model%n_attitude, given%n, status)
+        if (in_order .and. status%is_ok()) &
+            call refuse_way_past_pole(model, reshape(given%attitude, [attitude_size, model%n_attitude, given%n]), given%t, status)
+    end subroutine check_attitudes
 
     !> NaN or infinite input is refused by name and place.
     subroutine check_finite(name, model, first, n, values, status)

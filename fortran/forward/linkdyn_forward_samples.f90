@@ -18,7 +18,7 @@ module linkdyn_forward_samples
     use linkdyn_forward_state, only: state_layout, read_coordinates, read_attitudes
     use linkdyn_forward_system, only: standing_lanes
     use linkdyn_interrupt, only: is_interrupted
-    use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
+    use linkdyn_inverse, only: inverse_results, motion_batch, motion_of, part_of_results, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: has_assemblies
@@ -267,7 +267,7 @@ contains
     subroutine find_forces(run, last, samples, results)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: last
-        type(output_samples), intent(inout) :: samples
+        type(output_samples), intent(inout), target :: samples
         type(forward_results), intent(inout) :: results
         type(inverse_results) :: part
 
@@ -275,17 +275,30 @@ contains
         associate (of => samples, here => run%known(samples%phase)%phase, first => samples%first)
             part = part_of_results(results%forces, first, last)
             if (allocated(of%angle)) run%turns%about = of%angle(:, first:last)
-            call run_prepared(here%model, here%output, run%options%threads, of%q(:, first:last), of%rate(:, first:last), &
-                              of%qdd(:, first:last), of%load(:, :, first:last), part, of%force(:, first:last), &
-                              known=of%assembly, own=run%own, turns=run%turns, quaternion=of%quaternion(:, :, first:last), &
-                              t=of%t(first:last), stop_force=of%stop_force(:, first:last), &
-                              clutch_force=of%clutch_force(:, first:last), contact_sense=of%contact_sense(:, :, first:last))
+            call run_prepared(here%model, here%output, run%options%threads, motion_of_samples(samples, first, last), part, &
+                              known=of%assembly, own=run%own, turns=run%turns)
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (of%is_lost(first:last)) part%status = sample_singular
             if (associated(part%status) .and. run%beyond /= sample_ok) where (of%is_beyond(first:last)) part%status = run%beyond
             if (.not. is_interrupted()) samples%n_found = last
         end associate
     end subroutine find_forces
+
+    !> The states of samples, with what acts there.
+    function motion_of_samples(samples, first, last) result(motion)
+        type(output_samples), intent(in), target :: samples
+        integer, intent(in) :: first, last
+        type(motion_batch) :: motion
+
+        motion = motion_of(samples%q(:, first:last), samples%rate(:, first:last), samples%qdd(:, first:last), &
+                           samples%load(:, :, first:last))
+        motion%t => samples%t(first:last)
+        motion%quaternion => samples%quaternion(:, :, first:last)
+        motion%given_force => samples%force(:, first:last)
+        motion%stop_force => samples%stop_force(:, first:last)
+        motion%clutch_force => samples%clutch_force(:, first:last)
+        motion%contact_sense => samples%contact_sense(:, :, first:last)
+    end function motion_of_samples
 
     !> What is in cylinders.
     subroutine tell_cylinders(layout, cylinders, i, lane, is_good, results)

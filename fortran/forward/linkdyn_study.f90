@@ -8,8 +8,8 @@ module linkdyn_study
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
         finish_forward, method_name, method_rk4, method_rk8pd, method_gbs
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
-        solver_lapack, solver_reduced, solver_gauss_jordan_plain, solver_name
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_batch, motion_of, prepare_inverse, &
+        run_prepared, solver_lapack, solver_reduced, solver_gauss_jordan_plain, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_shared_programs, only: hold_programs, leave_programs
@@ -105,7 +105,7 @@ contains
     !> One solver: its forces, and seconds a sample.
     subroutine run_solver(model, states, solver, value, good, seconds, status)
         type(model_type), intent(in) :: model
-        type(study_states), intent(in) :: states
+        type(study_states), intent(in), target :: states
         integer, intent(in) :: solver
         real(wp), intent(out) :: value(:, :)
         logical, intent(out) :: good(:)
@@ -150,8 +150,11 @@ contains
 
         subroutine run_once()
             type(assembly_trail) :: trail
+            type(motion_batch) :: motion
 
-            call run_prepared(model, planned, 1, states%q, states%qd, states%qdd, states%load, results, trail=trail, t=states%t)
+            motion = motion_of(states%q, states%qd, states%qdd, states%load)
+            motion%t => states%t
+            call run_prepared(model, planned, 1, motion, results, trail=trail)
         end subroutine run_once
     end subroutine run_solver
 

@@ -11,7 +11,7 @@ module linkdyn_kernel_check
     use linkdyn_equations, only: equations_type
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_inputs, only: sample_set, in_q, in_qd, in_qdd, in_load, in_effort, in_target
-    use linkdyn_inverse, only: inverse_solver, inverse_results, run_prepared
+    use linkdyn_inverse, only: inverse_solver, inverse_results, motion_batch, motion_of, run_prepared
     use linkdyn_inverse_results, only: is_of_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -134,12 +134,13 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(sample_assembly), intent(in) :: assembly
-        type(sample_set), intent(in) :: asked
+        type(sample_set), intent(in), target :: asked
         type(controller_kernel), intent(in) :: drives
         integer, intent(in) :: id(:)                   !! `result_*`, others are passed over
         type(inverse_results), intent(inout) :: found
         type(inverse_solver) :: by_lanes
-        real(wp) :: force(model%n_actuator, asked%n), load(6, model%n_load, asked%n), t(asked%n)
+        type(motion_batch) :: motion
+        real(wp), target :: force(model%n_actuator, asked%n), load(6, model%n_load, asked%n), t(asked%n)
         real(wp), allocatable :: output(:)
         integer :: s, k
 
@@ -158,8 +159,10 @@ contains
         if (model%is_planar) load(3:5, :, :) = 0
         t = model%scene%time%first
         by_lanes%equations = equations
-        call run_prepared(model, by_lanes, 1, asked%of(in_q)%x, asked%of(in_qd)%x, asked%of(in_qdd)%x, load, found, force, &
-                          known=assembly, t=t)
+        motion = motion_of(asked%of(in_q)%x, asked%of(in_qd)%x, asked%of(in_qdd)%x, load)
+        motion%given_force => force
+        motion%t => t
+        call run_prepared(model, by_lanes, 1, motion, found, known=assembly)
     end subroutine ask_engine
 
     !> Velocities of all links' origins, then angular velocities, world axes.

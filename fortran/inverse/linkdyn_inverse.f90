@@ -22,7 +22,7 @@ module linkdyn_inverse
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, has_assemblies, place_size
-    use linkdyn_motion_batch, only: motion_batch
+    use linkdyn_motion_batch, only: motion_batch, motion_of
     use linkdyn_recorded_forces, only: recorded_forces
     use linkdyn_recorded_margins, only: recorded_margins
     use linkdyn_roads, only: road_counts, operator(+)
@@ -31,7 +31,7 @@ module linkdyn_inverse
     use linkdyn_turns, only: turn_count, take_turns_off
     implicit none (type, external)
     private
-    public :: shared_places, inverse_options, inverse_results, inverse_solver
+    public :: shared_places, inverse_options, inverse_results, inverse_solver, motion_batch, motion_of
     public :: prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
     public :: solver_name, choose_solver, look_for_record, samples_to_come, place_by_record
@@ -39,6 +39,13 @@ module linkdyn_inverse
     !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for the
     !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
     integer, parameter :: worth_closing = 256, samples_to_come = worth_closing
+
+    !> What serves a batch beside the lanes.
+    type :: programs_at_hand
+        type(recorded_forces), pointer :: forces => null()     !! null: lanes do all samples
+        type(recorded_margins) :: margins                      !! by which a motion is followed
+        class(group_closer), pointer :: closer => null()       !! null: lanes close groups
+    end type programs_at_hand
 
     ! How is said in `linkdyn_inverse_turns`.
     interface
@@ -134,20 +141,23 @@ contains
     subroutine run_inverse(model, options, q, qd, qdd, load, results, status, t)
         type(model_type), intent(in) :: model
         type(inverse_options), intent(in) :: options
-        real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), intent(in), contiguous, target :: load(:, :, :)    !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
         type(status_type), intent(out) :: status
-        real(wp), intent(in), optional :: t(:)                  !! instants, for laws that ask for them [s] (n); absent: 0
+        real(wp), intent(in), optional, target :: t(:)          !! instants, for laws that ask for them [s] (n); absent: 0
+        type(motion_batch) :: motion
         type(inverse_solver) :: solver
         type(assembly_trail) :: trail
 
         call prepare_inverse(model, options, results%wants(result_reaction), solver, status)
         if (.not. status%is_ok()) return
+        motion = motion_of(q, qd, qdd, load)
+        if (present(t)) motion%t => t
         if (options%in_order) then
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail, t=t)
+            call run_prepared(model, solver, options%threads, motion, results, trail=trail)
         else
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, t=t)
+            call run_prepared(model, solver, options%threads, motion, results)
         end if
         call solver%free()
     end subroutine run_inverse
@@ -163,43 +173,26 @@ contains
     !> told of that one's coordinates and dyads.
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
-    recursive subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, &
-                                      quaternion, t, stop_force, clutch_force, contact_sense)
+    recursive subroutine run_prepared(model, solver, threads, motion, results, trail, known, own, turns)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in), target :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
-        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in), contiguous, target :: load(:, :, :)    !! (6, n_load, n), or one for all
+        type(motion_batch), intent(in) :: motion
         type(inverse_results), intent(inout) :: results
-        real(wp), intent(in), optional, target :: given_force(:, :)    !! (n_actuator, n), read where not unknown
         type(assembly_trail), intent(inout), optional :: trail
         type(sample_assembly), intent(in), optional, target :: known
         type(model_type), intent(in), optional, target :: own   !! that other model; absent: no coordinate stands in
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
-        real(wp), intent(in), optional, target :: quaternion(:, :, :)    !! (4, n_attitude, n), 0 where an attitude is given by its
-                                                                !! angles; the others' rates are angular velocities
-        real(wp), intent(in), optional, target :: t(:)          !! instants, for laws over the state that ask for them [s] (n), or one
-                                                                !! for all; absent: 0
-        real(wp), intent(in), optional, target :: stop_force(:, :)      !! of stops at which something rests (n_stop, n) [N, N m];
-                                                                !! absent: none
-        real(wp), intent(in), optional, target :: clutch_force(:, :)    !! of clutches (n_clutch, n) [N, N m]; absent: none
-        real(wp), intent(in), optional, target :: contact_sense(:, :, :)    !! of joints that may stick, as of `friction_state`
-                                                                !! (n_contact, n); absent: 0
-        type(motion_batch) :: motion
-        type(recorded_forces), pointer :: recorded
-        type(recorded_margins), target :: by_record
-        class(group_closer), pointer :: closer
+        type(programs_at_hand) :: programs
         type(inverse_results) :: part
         integer :: n, first, last, length
 
-        call take_motion()
-        n = size(q, 2)
-        nullify (recorded, closer)
+        n = size(motion%q, 2)
         call look_for_programs(max(n, solver%n_expected))
         length = n
         if (.not. present(known)) length = samples_of_a_round(model, n)
         if (length == n) then
-            call run_round(model, solver, threads, motion, recorded, by_record, closer, results, trail, known, own, turns)
+            call run_round(model, solver, threads, motion, programs, results, trail, known, own, turns)
             return
         end if
         results%roads = road_counts()
@@ -208,8 +201,7 @@ contains
             last = min(n, first + length - 1)
             part = part_of_results(results, first, last)
             if (associated(results%load)) part%load => results%load(:, :, first:last)
-            call run_round(model, solver, threads, motion%part(first, last), recorded, by_record, closer, part, trail, own=own, &
-                           turns=turns)
+            call run_round(model, solver, threads, motion%part(first, last), programs, part, trail, own=own, turns=turns)
             results%roads = results%roads + part%roads
             if (results%lost_sample > 0 .or. part%lost_sample == 0) cycle
             results%lost_sample = first - 1 + part%lost_sample
@@ -218,20 +210,6 @@ contains
 
     contains
 
-        subroutine take_motion()
-
-            motion%q => q
-            motion%qd => qd
-            motion%qdd => qdd
-            motion%load => load
-            if (present(t)) motion%t => t
-            if (present(quaternion)) motion%quaternion => quaternion
-            if (present(given_force)) motion%given_force => given_force
-            if (present(stop_force)) motion%stop_force => stop_force
-            if (present(clutch_force)) motion%clutch_force => clutch_force
-            if (present(contact_sense)) motion%contact_sense => contact_sense
-        end subroutine take_motion
-
         !> The records and programs that serve, made when they are wanted first.
         subroutine look_for_programs(n_all)
             integer, intent(in) :: n_all                        !! samples of this batch and those to come
@@ -239,14 +217,14 @@ contains
             integer :: i
 
             all_turned = .false.
-            if (present(quaternion)) all_turned = all([(motion%is_turned(i), i=1, n)])
+            if (associated(motion%quaternion)) all_turned = all([(motion%is_turned(i), i=1, n)])
             if (associated(solver%places%closing) .and. n_all >= worth_closing .and. .not. present(known)) &
-                call need_closer(model, solver, q, closer)
+                call need_closer(model, solver, motion%q, programs%closer)
             if (associated(solver%records) .and. .not. &
-                (stands_in(model, own) .or. present(known) .or. all_turned .or. present(given_force))) then
-                call need_record(model, solver, results, q, recorded)
-                if (present(trail) .and. n > 0) call need_margins(model, solver, q, by_record%record)
-                by_record%threads = threads
+                (stands_in(model, own) .or. present(known) .or. all_turned .or. associated(motion%given_force))) then
+                call need_record(model, solver, results, motion%q, programs%forces)
+                if (present(trail) .and. n > 0) call need_margins(model, solver, motion%q, programs%margins%record)
+                programs%margins%threads = threads
             end if
         end subroutine look_for_programs
     end subroutine run_prepared
@@ -274,14 +252,12 @@ contains
     end function samples_of_a_round
 
     !> Samples that follow each other, or of which each is on its own, with the programs at hand.
-    recursive subroutine run_round(model, solver, threads, motion, recorded, by_record, closer, results, trail, known, own, turns)
+    recursive subroutine run_round(model, solver, threads, motion, programs, results, trail, known, own, turns)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in), target :: solver
         integer, intent(in) :: threads
         type(motion_batch), intent(in) :: motion
-        type(recorded_forces), pointer, intent(in) :: recorded  !! null: there are none
-        type(recorded_margins), intent(in), target :: by_record
-        class(group_closer), pointer, intent(in) :: closer      !! null: lanes close groups
+        type(programs_at_hand), intent(in), target :: programs
         type(inverse_results), intent(inout) :: results
         type(assembly_trail), intent(inout), optional :: trail
         type(sample_assembly), intent(in), optional, target :: known
@@ -310,11 +286,12 @@ contains
         all_turned = .false.
         if (some_turned) all_turned = all(turned)
         nullify (margins)
-        if (associated(by_record%record)) margins => by_record
+        if (associated(programs%margins%record)) margins => programs%margins
         call place_links()
         if (associated(results%load)) call tell_loads()
         call plan_lanes()
-        if (associated(recorded)) call run_by_record(model, recorded, threads, motion, batch%stand, results, batch%n, batch%sample)
+        if (associated(programs%forces)) &
+            call run_by_record(model, programs%forces, threads, motion, batch%stand, results, batch%n, batch%sample)
         call run_lanes()
         call tell_outcome(model, motion, batch, present(trail), is_on_way, results)
         if (counts_turns) then
@@ -332,9 +309,9 @@ contains
             if (present(known)) then
                 batch%stand => known
             else if (is_on_way) then
-                call follow_assembly(model, motion%q, trail, assembly, margins, closer)
-            else if (needs_places(recorded)) then
-                call settle_samples(model, threads, motion%q, assembly, closer, solver%places%nodes)
+                call follow_assembly(model, motion%q, trail, assembly, margins, programs%closer)
+            else if (needs_places()) then
+                call settle_samples(model, threads, motion%q, assembly, programs%closer, solver%places%nodes)
                 is_on_way = .true.
             else if (allocated(solver%at_start%status)) then
                 batch%stand => solver%at_start
@@ -344,11 +321,9 @@ contains
         end subroutine place_links
 
         !> Do links of groups have to be placed before the record runs?
-        logical function needs_places(recorded)
-            type(recorded_forces), pointer, intent(in) :: recorded
-
+        logical function needs_places()
             needs_places = .false.
-            if (associated(recorded)) needs_places = recorded%needs_places
+            if (associated(programs%forces)) needs_places = programs%forces%needs_places
         end function needs_places
 
         !> The loads, with those that follow the state.

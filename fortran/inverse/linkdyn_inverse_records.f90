@@ -219,10 +219,7 @@ contains
                 if (any(recorded%wanted == told(k))) call found(i)%add(model, told(k), n)
             end do
         end do
-        motion%q => pose
-        motion%qd => qd
-        motion%qdd => qdd
-        motion%load => load
+        motion = motion_of(pose, qd, qdd, load)
         motion%t => t
         call run_by_record(model, recorded, 1, motion, assembly, found(2), n_left, left)
         by_power = size(model%contact) == 0 .and. model%share%n == 0 .and. found(2)%wants(result_driving_force)
@@ -230,13 +227,13 @@ contains
             allocate (balance%status(n))
             call balance%add(model, result_power_imbalance, n)
             call build_given_equations(model, by_lanes%equations)
-            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, balance, found(2)%of(result_driving_force)%x, &
-                              known=assembly, t=t)
+            motion%given_force => found(2)%of(result_driving_force)%x
+            call run_prepared(model, by_lanes, 1, motion, balance, known=assembly)
             call free_equations(by_lanes%equations)
             found(1)%status = balance%status
         else
             by_lanes%equations = solver%equations
-            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
+            call run_prepared(model, by_lanes, 1, motion, found(1), known=assembly)
         end if
         do i = 1, n
             if (found(1)%status(i) /= sample_ok) cycle

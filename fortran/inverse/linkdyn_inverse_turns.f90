@@ -200,10 +200,11 @@ contains
         real(wp), intent(out) :: turned(:)                 !! (n_variable) [rad]
         logical, intent(out) :: is_sure, has_ended
         real(wp), intent(out) :: n_told
-        real(wp), dimension(model%n_q, 0:n) :: q, qd, qdd
+        real(wp), dimension(model%n_q, 0:n), target :: q, qd, qdd
         real(wp), dimension(model%n_variable, 0:n), target :: variable, rate
         integer, target :: status(0:n)
-        real(wp) :: load(6, model%n_load, 0:n), piece(size(turned))
+        real(wp), target :: load(6, model%n_load, 0:n)
+        real(wp) :: piece(size(turned))
         type(inverse_results) :: results
         type(assembly_trail) :: trail
         logical :: is_piece_sure
@@ -229,7 +230,7 @@ contains
             end if
             trail%stays = .true.
         end if
-        call run_prepared(model, solver, 1, q, qd, qdd, load, results, trail=trail)
+        call run_prepared(model, solver, 1, motion_of(q, qd, qdd, load), results, trail=trail)
         turned = 0
         n_told = 0
         last = 0

@@ -3,7 +3,7 @@ module linkdyn_motion_batch
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: motion_batch
+    public :: motion_batch, motion_of
 
     !> What is not associated is not given.
     type :: motion_batch
@@ -12,17 +12,31 @@ module linkdyn_motion_batch
         real(wp), pointer, contiguous :: qdd(:, :) => null()        !! (n_q, n)
         real(wp), pointer, contiguous :: load(:, :, :) => null()    !! (6, n_load, n), or one for all
         real(wp), pointer :: t(:) => null()                         !! instants [s] (n), or one for all; not given: 0
-        real(wp), pointer :: quaternion(:, :, :) => null()          !! of attitudes, 0 where angles give them (4, n_attitude, n)
+        real(wp), pointer :: quaternion(:, :, :) => null()          !! of attitudes, 0 where angles give them; the others' rates are
+                                                                    !! angular velocities (4, n_attitude, n)
         real(wp), pointer :: given_force(:, :) => null()            !! (n_actuator, n), read where not unknown
-        real(wp), pointer :: stop_force(:, :) => null()             !! (n_stop, n) [N, N m]
+        real(wp), pointer :: stop_force(:, :) => null()             !! of stops at which something rests (n_stop, n) [N, N m]
         real(wp), pointer :: clutch_force(:, :) => null()           !! (n_clutch, n) [N, N m]
-        real(wp), pointer :: contact_sense(:, :, :) => null()       !! of joints that may stick (n_part, n_contact, n)
+        real(wp), pointer :: contact_sense(:, :, :) => null()       !! of joints that may stick, as of `friction_state`
+                                                                    !! (n_part, n_contact, n); not given: 0
     contains
         procedure :: is_turned
         procedure :: part => part_of_motion
     end type motion_batch
 
 contains
+
+    !> The motion and the loads. What else is given is added by the caller.
+    function motion_of(q, qd, qdd, load) result(motion)
+        real(wp), intent(in), pointer, contiguous :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), intent(in), pointer, contiguous :: load(:, :, :)  !! (6, n_load, n), or one for all
+        type(motion_batch) :: motion
+
+        motion%q(1:, 1:) => q                                       ! a target may count from elsewhere
+        motion%qd(1:, 1:) => qd
+        motion%qdd(1:, 1:) => qdd
+        motion%load(1:, 1:, 1:) => load
+    end function motion_of
 
     !> Do attitudes of a sample go by quaternions?
     pure logical function is_turned(self, sample)

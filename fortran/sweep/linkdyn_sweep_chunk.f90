@@ -11,7 +11,7 @@ module linkdyn_sweep_chunk
         result_transmission_force
     use linkdyn_finite, only: all_are_finite
     use linkdyn_interrupt, only: is_interrupted
-    use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared, part_of_results
+    use linkdyn_inverse, only: inverse_results, inverse_solver, motion_batch, motion_of, run_prepared, part_of_results
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
@@ -289,14 +289,16 @@ contains
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: n
-        type(sample_batch), intent(in) :: batch
+        type(sample_batch), intent(in), target :: batch
         type(inverse_results), intent(in) :: results
         type(inverse_results) :: here
+        type(motion_batch) :: motion
 
         if (n == 0) return
         here = part_of_results(results, 1, n)
-        call run_prepared(model, solver, 1, batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), batch%load(:, :, :n), here, &
-                          t=batch%t(:n))
+        motion = motion_of(batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), batch%load(:, :, :n))
+        motion%t => batch%t(:n)
+        call run_prepared(model, solver, 1, motion, here)
     end subroutine compute
 
     !> What hangs on the pose alone, found once for all load cases at it.

@@ -5,7 +5,8 @@ module test_accelerations
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: two_pi
     use linkdyn_equations, only: unknown_choice, build_equations, find_drives
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_inverse, run_prepared, &
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_batch, motion_of, run_inverse, &
+        run_prepared, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -102,7 +103,7 @@ contains
 
     !> Solve for what is unknown and compare with the case.
     subroutine compare(case, unknown, solver, error)
-        type(motion_case), intent(in) :: case
+        type(motion_case), intent(in), target :: case
         type(unknown_choice), intent(in) :: unknown
         integer, intent(in) :: solver
         type(test_error), intent(inout) :: error
@@ -111,7 +112,9 @@ contains
         type(status_type) :: status
         real(wp), target :: qdd(case%model%n_q, size(case%q, 2)), force(case%model%n_actuator, size(case%q, 2))
         real(wp), target :: reaction(case%model%n_component, case%model%n_joint, size(case%q, 2))
-        real(wp) :: scale, given_qdd(case%model%n_q, size(case%q, 2)), given_force(case%model%n_actuator, size(case%q, 2))
+        real(wp), target :: given_qdd(case%model%n_q, size(case%q, 2)), given_force(case%model%n_actuator, size(case%q, 2))
+        real(wp) :: scale
+        type(motion_batch) :: motion
         integer :: k
 
         call build_equations(case%model, solver, solver /= solver_reduced, forward%equations, status, unknown)
@@ -124,7 +127,9 @@ contains
             given_qdd(:, k) = merge(0.0_wp, case%qdd(:, k), unknown%acceleration)
             given_force(:, k) = merge(0.0_wp, case%force(:, k), unknown%drive)
         end do
-        call run_prepared(case%model, forward, 1, case%q, case%qd, given_qdd, case%load, results, given_force)
+        motion = motion_of(case%q, case%qd, given_qdd, case%load)
+        motion%given_force => given_force
+        call run_prepared(case%model, forward, 1, motion, results)
         call forward%free()
         ! At constant rates the accelerations found are what is left of much larger ones.
         scale = max(maxval(abs(case%qdd)), maxval(abs(case%qd))**2)
@@ -268,13 +273,14 @@ contains
 
     subroutine test_measures(error)
         type(test_error), intent(inout) :: error
-        type(motion_case) :: case
+        type(motion_case), target :: case
         type(unknown_choice) :: unknown
         type(inverse_solver) :: forward
         type(inverse_results) :: results
         type(status_type) :: status
-        real(wp), allocatable, target :: gap(:), imbalance(:)
+        real(wp), allocatable, target :: gap(:), imbalance(:), no_acceleration(:, :)
         real(wp), allocatable :: zero(:)
+        type(motion_batch) :: motion
         integer :: n
 
         call make_case("stewart_drilling", case, error)
@@ -288,7 +294,10 @@ contains
         allocate (zero(n), source=0.0_wp)
         call results%put(result_closure, gap)
         call results%put(result_power_imbalance, imbalance)
-        call run_prepared(case%model, forward, 1, case%q, case%qd, 0*case%qdd, case%load, results, case%force)
+        no_acceleration = 0*case%qdd
+        motion = motion_of(case%q, case%qd, no_acceleration, case%load)
+        motion%given_force => case%force
+        call run_prepared(case%model, forward, 1, motion, results)
         call forward%free()
         call check_close(error, gap, zero, 16*epsilon(1.0_wp), "closure [m]")
         call check_close(error, imbalance, zero, tolerance, "power imbalance")

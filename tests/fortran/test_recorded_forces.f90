@@ -9,7 +9,7 @@ module test_recorded_forces
     use linkdyn_builder, only: build_model
     use linkdyn_curve, only: make_curve
     use linkdyn_representatives, only: representative_poses, need_poses
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_of, prepare_inverse, run_prepared
     use linkdyn_inverse_results, only: list_results
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_ups, scene_size
@@ -192,7 +192,7 @@ contains
     subroutine run_road(error, model, batch, by_record, results, trail, steps_are_recorded)
         type(test_error), intent(inout) :: error
         type(model_type), intent(in) :: model
-        type(batch_type), intent(in) :: batch
+        type(batch_type), intent(in), target :: batch
         logical, intent(in) :: by_record
         type(inverse_results), intent(out) :: results
         type(assembly_trail), intent(inout), optional :: trail    !! samples follow each other
@@ -213,7 +213,7 @@ contains
         end do
         call prepare_inverse(model, inverse_options(by_record=by_record), .true., solver, status)
         call check(error, status%is_ok(), trim(status%message))
-        call run_prepared(model, solver, 2, batch%q, batch%qd, batch%qdd, batch%load, results, trail=trail)
+        call run_prepared(model, solver, 2, motion_of(batch%q, batch%qd, batch%qdd, batch%load), results, trail=trail)
         if (by_record) then
             call list_results(results, n, list)
             recorded => solver%records%find(list%id(:list%n))

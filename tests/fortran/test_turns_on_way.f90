@@ -5,7 +5,7 @@ module test_turns_on_way
     use linkdyn_builder, only: build_model
     use linkdyn_result_kinds, only: result_joint_variable
     use linkdyn_constants, only: pi
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, motion_of, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: scene_type
@@ -84,7 +84,7 @@ contains
         subroutine go(x, y)
             real(wp), intent(in) :: x(:), y
             type(inverse_results) :: results
-            real(wp) :: q(2, size(x)), none(2, size(x)), load(6, model%n_load, size(x))
+            real(wp), target :: q(2, size(x)), none(2, size(x)), load(6, model%n_load, size(x))
             real(wp), target :: variable(model%n_variable, size(x))
             integer, target :: told(size(x))
 
@@ -94,7 +94,7 @@ contains
             load = 0
             call results%put(result_joint_variable, variable)
             results%status(1:size(x)) => told
-            call run_prepared(model, solver, 1, q, none, none, load, results, trail=trail, turns=turns)
+            call run_prepared(model, solver, 1, motion_of(q, none, none, load), results, trail=trail, turns=turns)
             call check(error, all(told == sample_ok), "all samples are found")
         end subroutine go
     end subroutine test_pole
