@@ -10,7 +10,7 @@ module linkdyn_similar_model
     use linkdyn_curve, only: scale_curve
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_freedom, is_length, effort_power
+    use linkdyn_model, only: model_type, gear_type, link_freedom, is_length, effort_power
     use linkdyn_scene, only: law_spec, effort_law, effort_constant, effort_table, effort_spring_damper, effort_dc_motor, &
         effort_pd, at_force, at_stiffness, at_damping, at_rest, at_torque_constant, law_harmonic, motor_spec, &
         cylinder_spec, n_clutch
@@ -19,35 +19,80 @@ module linkdyn_similar_model
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
 
+    ! Keys of what differs in the last place.
+    integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108, &
+                          of_friction = 109, of_cam = 110, of_clutch = 111
+
 contains
 
-    !> The similar model of size `scale`; different numbers `copy` of it differ in the last place of what has no size.
+    !> The similar model of size `scale`; different numbers `copy` of it differ in the last place of what has no size. A forward
+    !> run may plan its scene once more, with other coordinates, so the scene is scaled with the model.
     subroutine make_similar(model, copy, scale, similar)
         type(model_type), intent(in) :: model
         integer, intent(in) :: copy
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
-        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108, &
-                              of_friction = 109, of_cam = 110, of_clutch = 111    ! keys
-        real(wp) :: own_scale
-        integer :: i, k, n_length
 
         similar = model
         similar%gravity = scale*model%gravity
         similar%scene%gravity = scale*model%scene%gravity
         similar%scene%laws%scale = scale*model%scene%laws%scale
+        call scale_base(model, copy, scale, similar)
+        call scale_links(model, scale, similar)
+        call scale_payloads(model, scale, similar)
+        call scale_joints(model, copy, scale, similar)
+        call scale_gears(model, scale, similar)
+        call scale_shares(model, scale, similar)
+        call scale_springs(model, scale, similar)
+        call scale_frictions(model, copy, scale, similar)
+        call scale_clutches(model, copy, scale, similar)
+        call list_contacts(similar%scene, similar%contact)
+        call scale_meshes(model, scale, similar)
+        call scale_coordinates(model, copy, scale, similar)
+        call scale_actuators(model, copy, scale, similar)
+        call scale_rotors(model, scale, similar)
+        call scale_loads(model, copy, scale, similar)
+        call scale_groups(model, scale, similar)
+        call describe_steps(similar)
+    end subroutine make_similar
+
+    !> How the frame moves.
+    subroutine scale_base(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: k
+
         do k = 1, size(model%scene%base%motion)
             call scale_law(merge(scale, 1.0_wp, k <= 3), [copy, of_base, k], similar%scene%base%motion(k))
         end do
+    end subroutine scale_base
+
+    !> Bodies that links carry for a while.
+    subroutine scale_payloads(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, size(model%payload)
             similar%payload(i)%body%cog = scale*model%payload(i)%body%cog
             similar%payload(i)%body%inertia = scale**2*model%payload(i)%body%inertia
             similar%scene%payload(i)%inertia = scale**2*model%scene%payload(i)%inertia
         end do
+    end subroutine scale_payloads
+
+    !> Where links are at the start, their markers, those of the frame, and how mass lies about them.
+    subroutine scale_links(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i, k
+
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia
-            ! A forward run may plan the scene once more, with other coordinates.
             similar%scene%link(i)%cog = scale*model%scene%link(i)%cog
             similar%scene%link(i)%inertia = scale**2*model%scene%link(i)%inertia
             similar%scene%link(i)%start(:3) = scale*model%scene%link(i)%start(:3)
@@ -58,6 +103,16 @@ contains
         do k = 1, size(model%scene%frame%marker)
             similar%scene%frame%marker(k)%at = scale*model%scene%frame%marker(k)%at
         end do
+    end subroutine scale_links
+
+    !> Where joints are on their links, leads of screws, cams, and where they start.
+    subroutine scale_joints(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i, k
+
         do i = 1, size(model%joint)
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%pitch = scale*model%joint(i)%pitch
@@ -74,8 +129,15 @@ contains
                 if (is_slide(model%joint(i)%told_kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
             end do
         end do
-        call scale_gears(model, scale, similar)
-        call scale_shares(model, scale, similar)
+    end subroutine scale_joints
+
+    !> Moments of springs that turn joints go as the square; those between markers keep stiffness, as force over length.
+    subroutine scale_springs(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, size(model%scene%spring)
             associate (spring => similar%scene%spring(i))
                 if (is_angular(model, spring%joint, spring%variable)) then
@@ -86,6 +148,16 @@ contains
                 end if
             end associate
         end do
+    end subroutine scale_springs
+
+    !> Coefficients of friction have no size: they differ in the last place.
+    subroutine scale_frictions(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, size(model%scene%friction)
             associate (friction => similar%scene%friction(i))
                 if (is_turning(model%scene%joint(friction%joint)%kind)) friction%viscous = scale**2*friction%viscous
@@ -99,12 +171,30 @@ contains
                 friction%static = near_one([copy, of_friction, i])*friction%static
             end associate
         end do
+    end subroutine scale_frictions
+
+    !> What clutches hold: forces along slides, moments about axes.
+    subroutine scale_clutches(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, n_clutch(model%scene)
             associate (clutch => similar%scene%clutch(i))
                 call scale_law(merge(scale, scale**2, clutch%unit == "N"), [copy, of_clutch, i], clutch%capacity)
             end associate
         end do
-        call list_contacts(similar%scene, similar%contact)
+    end subroutine scale_clutches
+
+    !> Contacts of teeth, which are found with the plan and not from the scene alone.
+    subroutine scale_meshes(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, size(model%contact)
             if (.not. is_mesh(model%contact(i))) cycle
             similar%contact(i)%radius = scale*model%contact(i)%radius
@@ -115,8 +205,18 @@ contains
             similar%contact(i)%way = model%contact(i)%way
             similar%contact(i)%spin = merge(1.0_wp, scale, model%contact(i)%radius > 0)*model%contact(i)%spin
         end do
+    end subroutine scale_meshes
+
+    !> Angles have no size: they differ in the last place instead.
+    subroutine scale_coordinates(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        real(wp) :: own_scale
+        integer :: i
+
         do i = 1, model%n_q
-            ! Angles have no size: they differ in the last place instead.
             own_scale = coordinate_scale(model, i, scale)
             similar%start_q(i) = own_scale*near_one([copy, of_start, i])*model%start_q(i)
             similar%stride(i) = own_scale*model%stride(i)
@@ -126,6 +226,16 @@ contains
                 call scale_law(own_scale, [copy, of_motion, i], coordinate%motion)
             end associate
         end do
+    end subroutine scale_coordinates
+
+    !> Laws of drives, with what their motors and cylinders are.
+    subroutine scale_actuators(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, model%n_actuator
             call scale_drive(scale**effort_power(model, i), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%law)
@@ -133,23 +243,50 @@ contains
             if (model%scene%actuator(i)%cylinder%is_given) call scale_cylinder(scale, similar%scene%actuator(i)%cylinder)
             similar%scene%actuator(i)%preload = drive_scale(model, i, scale)*model%scene%actuator(i)%preload
         end do
+    end subroutine scale_actuators
+
+    !> Inertias of rotors, as they are about their joints' axes.
+    subroutine scale_rotors(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i
+
         do i = 1, size(model%motor)
             associate (motor => similar%motor(i))
                 if (.not. is_slide(model%joint(motor%joint)%told_kind, motor%variable)) motor%inertia = scale**2*motor%inertia
             end associate
         end do
+    end subroutine scale_rotors
+
+    !> Forces and moments of loads.
+    subroutine scale_loads(model, copy, scale, similar)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: copy
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i, k
+
         do i = 1, model%n_load
             do k = 1, 3
                 call scale_law(scale, [copy, of_load, i, k], similar%scene%load(i)%force(k))
                 call scale_law(scale**2, [copy, of_load, i, 3 + k], similar%scene%load(i)%moment(k))
             end do
         end do
+    end subroutine scale_loads
+
+    !> Where groups that are closed by iteration start from: lengths among their links' freedoms come first.
+    subroutine scale_groups(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        integer :: i, n_length
+
         do i = 1, size(model%group)
             n_length = link_freedom(model) - merge(1, 3, model%is_planar)
             similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)
         end do
-        call describe_steps(similar)
-    end subroutine make_similar
+    end subroutine scale_groups
 
     !> What joints share by: how they and the links' arms give way, so that all energies are s**2 times those of the model, and how far
     !> they are off.
@@ -180,24 +317,14 @@ contains
 
         do i = 1, size(model%gear)
             associate (spec => model%scene%joint(model%gear(i)%joint), scaled => similar%scene%joint(model%gear(i)%joint))
-                similar%gear(i)%couple = scale*model%gear(i)%couple
-                similar%gear(i)%total = scale*model%gear(i)%total
-                similar%gear(i)%radius = scale*model%gear(i)%radius
-                similar%gear(i)%curvature = model%gear(i)%curvature/scale
-                similar%gear(i)%distance = scale*model%gear(i)%distance
-                similar%gear(i)%pitch = scale*model%gear(i)%pitch
+                call scale_gear(scale, similar%gear(i))
                 if (spec%kind == joint_belt) scaled%wheel = scale*spec%wheel
                 if (spec%kind == joint_rack) scaled%phase = scale*spec%phase
             end associate
         end do
         do i = 1, size(model%belt)
             associate (belt => similar%belt(i), spec => similar%scene%joint(model%belt(i)%gear%joint))
-                belt%gear%couple = scale*belt%gear%couple
-                belt%gear%total = scale*belt%gear%total
-                belt%gear%radius = scale*belt%gear%radius
-                belt%gear%curvature = belt%gear%curvature/scale
-                belt%gear%distance = scale*belt%gear%distance
-                belt%gear%pitch = scale*belt%gear%pitch
+                call scale_gear(scale, belt%gear)
                 belt%lever = scale*belt%lever
                 belt%weight = scale*belt%weight
                 belt%number(3) = scale*belt%number(3)
@@ -219,6 +346,18 @@ contains
             end associate
         end do
     end subroutine scale_gears
+
+    pure subroutine scale_gear(scale, gear)
+        real(wp), intent(in) :: scale
+        type(gear_type), intent(inout) :: gear
+
+        gear%couple = scale*gear%couple
+        gear%total = scale*gear%total
+        gear%radius = scale*gear%radius
+        gear%curvature = gear%curvature/scale
+        gear%distance = scale*gear%distance
+        gear%pitch = scale*gear%pitch
+    end subroutine scale_gear
 
     !> What a coordinate is multiplied by: angles stay.
     pure real(wp) function coordinate_scale(model, i, scale)

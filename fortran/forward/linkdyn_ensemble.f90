@@ -81,7 +81,7 @@ contains
         !$omp end parallel do
         call teller%release()
         call leave_programs(shared)
-        if (status%is_ok() .and. present(log)) call gather_events(log)
+        if (status%is_ok() .and. present(log)) call gather_events(of_block, log)
 
     contains
 
@@ -107,32 +107,37 @@ contains
             call teller%make_record(options%t_start)
         end subroutine make_shared_record
 
-        !> Of each member as they came.
-        subroutine gather_events(log)
-            type(event_log), intent(inout) :: log
-            type(event_entry) :: entry
-            integer :: block, lane, i
-
-            do block = 1, n_block
-                do lane = 1, lanes
-                    do i = 1, of_block(block)%n
-                        if (of_block(block)%entry(i)%lane /= lane) cycle
-                        entry = of_block(block)%entry(i)
-                        entry%lane = (block - 1)*lanes + lane
-                        call add_entry(log, entry)
-                    end do
-                end do
-            end do
-        end subroutine gather_events
-
         !> One block of members; lanes beyond the last member repeat it.
         subroutine run_block(block, status)
             integer, intent(in) :: block
             type(status_type), intent(inout) :: status
             type(forward_run) :: run
-            integer :: member(lanes), passed(lanes), i
+            integer :: member(lanes), i
 
             member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
+            call start_block(run, block, member, status)
+            if (status%is_ok()) then
+                call run%system%begin(options%t_start, run%y)
+                call start_integrator(run, model, options, status)
+                call leave_those_beyond_stops(run, options%t_start)
+                do i = 1, size(t)
+                    call go_on_to(run, t(i))
+                    if (is_interrupted()) exit
+                    call leave_those_that_passed(run, t(i))
+                    call store(run, member, t(i), q(:, i, :), qd(:, i, :))
+                end do
+                call tell_members(run, member)
+                of_block(block) = run%system%way%log
+            end if
+            call finish_forward(run)
+        end subroutine run_block
+
+        !> A system of its own, with what all share, and the starts of its members.
+        subroutine start_block(run, block, member, status)
+            type(forward_run), intent(inout) :: run
+            integer, intent(in) :: block, member(lanes)
+            type(status_type), intent(inout) :: status
+
             run%own => model
             run%model => model
             allocate (run%system)
@@ -140,129 +145,145 @@ contains
             call hold_texts()
             call build_forward_system(model, options%stage_solver, run%system, status)
             call release_texts()
-            if (status%is_ok()) then
-                run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
-                run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
-                run%system%may_record = teller%may_record
-                run%system%way%n_before_record = 0
-                allocate (run%y(lanes, run%system%n))
-                call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
-                call run%system%fill_cylinders(options%t_start, run%y, status)
-            end if
-            if (status%is_ok()) then
-                call run%system%begin(options%t_start, run%y)
-                call start_integrator(run, model, options, status)
-                call leave_those_beyond_stops(run)
-                do i = 1, size(t)
-                    call go_on_to(run, t(i))
-                    if (is_interrupted()) exit
-                    call leave_those_that_passed(run, t(i))
-                    call store(run, member, t(i), i)
-                end do
-                do i = 1, lanes
-                    good_until(member(i)) = run%integrator%good_until(i)
-                    outcome(member(i)) = sample_ok
-                    if (.not. run%integrator%failed(i)) cycle
-                    if (run%system%way%final_event(i) == 0 .or. run%system%way%is_driven_through(i)) &
-                        outcome(member(i)) = why_stopped(run, i)
-                end do
-                call count_change_points(run, t(size(t)), passed)
-                n_crossed(member) = passed
-                of_block(block) = run%system%way%log
-            end if
-            call finish_forward(run)
-        end subroutine run_block
+            if (.not. status%is_ok()) return
+            run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
+            run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
+            run%system%may_record = teller%may_record
+            run%system%way%n_before_record = 0
+            allocate (run%y(lanes, run%system%n))
+            call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
+            call run%system%fill_cylinders(options%t_start, run%y, status)
+        end subroutine start_block
 
-        !> What was in the way. Of rates that were found and led beyond all numbers nothing was; and what fails of numbers near that
-        !> is not why.
-        integer function why_stopped(run, lane) result(outcome)
-            type(forward_run), intent(in) :: run
-            integer, intent(in) :: lane
-
-            outcome = run%system%way%obstacle(lane)
-            if (outcome == sample_ok .or. reason_of_solution(run%y(lane, :)) == stop_growth) outcome = sample_undefined
-        end function why_stopped
-
-        !> A member that starts beyond a stop does not run.
-        subroutine leave_those_beyond_stops(run)
+        !> How far they came, and why no farther.
+        subroutine tell_members(run, member)
             type(forward_run), intent(inout) :: run
-            real(wp) :: gap(lanes, n_event(model%scene))
-            integer :: i
+            integer, intent(in) :: member(lanes)
+            integer :: passed(lanes), lane
 
-            if (.not. has_hard_stops(model%scene)) return
-            call run%system%evaluate_guards(spread(options%t_start, 1, lanes), run%y, gap)
-            do i = 1, n_stop(model%scene)
-                associate (stop => model%scene%stop(i))
-                    if (.not. stop%is_hard) cycle
-                    where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%way%stops%rests(:, i))
-                        run%integrator%failed = .true.
-                        run%system%way%obstacle = sample_unreachable
-                    end where
-                end associate
-            end do
-        end subroutine leave_those_beyond_stops
-
-        !> Nor does one go on that has lost a contact.
-        subroutine leave_those_that_passed(run, instant)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: instant
-            integer :: passed(lanes)
-
-            if (.not. has_hard_stops(model%scene)) return
-            call find_passed(run%system, instant, run%output, passed)
-            where (passed > 0 .and. .not. run%integrator%failed)
-                run%integrator%failed = .true.
-                run%system%way%obstacle = sample_undefined
-            end where
-        end subroutine leave_those_that_passed
-
-        !> Those that each lane has passed up to the last instant of output, or up to where it failed.
-        subroutine count_change_points(run, instant, passed)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: instant
-            integer, intent(out) :: passed(lanes)
-            real(wp) :: rate(lanes, run%system%n)
-            logical :: failed(lanes)
-
-            passed = 0
-            if (.not. run%system%way%assembly%is_needed) return
-            call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
-            associate (assembly => run%system%way%assembly)
-                passed = merge(assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), assembly, &
-                                                                run%system%workspace%state), failed .or. run%integrator%failed)
-            end associate
-        end subroutine count_change_points
-
-        !> With a pause now and then to hear whether to stop.
-        subroutine go_on_to(run, t)
-            type(forward_run), intent(inout) :: run
-            real(wp), intent(in) :: t
-            real(wp), parameter :: breath = 0.25_wp    !! [s]
-
-            do
-                call run%integrator%pause%set(breath)
-                call go_to(run, t)
-                if (.not. run%integrator%is_paused .or. is_interrupted()) return
-            end do
-        end subroutine go_on_to
-
-        subroutine store(run, member, instant, i)
-            type(forward_run), intent(inout) :: run
-            integer, intent(in) :: member(lanes), i
-            real(wp), intent(in) :: instant
-            real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
-            integer :: lane
-
-            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%turns, &
-                                  run%system%workspace%state, lane_q, lane_qd, lane_qdd)
             do lane = 1, lanes
-                if (run%integrator%failed(lane)) then
-                    lane_q(lane, :) = ieee_value(1.0_wp, ieee_quiet_nan)
-                    lane_qd(lane, :) = lane_q(lane, :)
-                end if
-                q(:, i, member(lane)) = lane_q(lane, :)
-                qd(:, i, member(lane)) = lane_qd(lane, :)
+                good_until(member(lane)) = run%integrator%good_until(lane)
+                outcome(member(lane)) = sample_ok
+                if (.not. run%integrator%failed(lane)) cycle
+                if (run%system%way%final_event(lane) == 0 .or. run%system%way%is_driven_through(lane)) &
+                    outcome(member(lane)) = why_stopped(run, lane)
             end do
-        end subroutine store
+            call count_change_points(run, t(size(t)), passed)
+            n_crossed(member) = passed
+        end subroutine tell_members
     end subroutine run_ensemble
+
+    !> Of each member as they came.
+    subroutine gather_events(of_block, log)
+        type(event_log), intent(in) :: of_block(:)
+        type(event_log), intent(inout) :: log
+        type(event_entry) :: entry
+        integer :: block, lane, i
+
+        do block = 1, size(of_block)
+            do lane = 1, lanes
+                do i = 1, of_block(block)%n
+                    if (of_block(block)%entry(i)%lane /= lane) cycle
+                    entry = of_block(block)%entry(i)
+                    entry%lane = (block - 1)*lanes + lane
+                    call add_entry(log, entry)
+                end do
+            end do
+        end do
+    end subroutine gather_events
+
+    !> What was in the way. Of rates that were found and led beyond all numbers nothing was; and what fails of numbers near that
+    !> is not why.
+    pure integer function why_stopped(run, lane) result(outcome)
+        type(forward_run), intent(in) :: run
+        integer, intent(in) :: lane
+
+        outcome = run%system%way%obstacle(lane)
+        if (outcome == sample_ok .or. reason_of_solution(run%y(lane, :)) == stop_growth) outcome = sample_undefined
+    end function why_stopped
+
+    !> A member that starts beyond a stop does not run.
+    subroutine leave_those_beyond_stops(run, t_start)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t_start                !! [s]
+        real(wp) :: gap(lanes, n_event(run%model%scene))
+        integer :: i
+
+        if (.not. has_hard_stops(run%model%scene)) return
+        call run%system%evaluate_guards(spread(t_start, 1, lanes), run%y, gap)
+        do i = 1, n_stop(run%model%scene)
+            associate (stop => run%model%scene%stop(i))
+                if (.not. stop%is_hard) cycle
+                where (gap(:, stop%event) < -touch_width(stop) .and. .not. run%system%way%stops%rests(:, i))
+                    run%integrator%failed = .true.
+                    run%system%way%obstacle = sample_unreachable
+                end where
+            end associate
+        end do
+    end subroutine leave_those_beyond_stops
+
+    !> Nor does one go on that has lost a contact.
+    subroutine leave_those_that_passed(run, instant)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: instant
+        integer :: passed(lanes)
+
+        if (.not. has_hard_stops(run%model%scene)) return
+        call find_passed(run%system, instant, run%output, passed)
+        where (passed > 0 .and. .not. run%integrator%failed)
+            run%integrator%failed = .true.
+            run%system%way%obstacle = sample_undefined
+        end where
+    end subroutine leave_those_that_passed
+
+    !> Those that each lane has passed up to the last instant of output, or up to where it failed.
+    subroutine count_change_points(run, instant, passed)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: instant
+        integer, intent(out) :: passed(lanes)
+        real(wp) :: rate(lanes, run%system%n)
+        logical :: failed(lanes)
+
+        passed = 0
+        if (.not. run%system%way%assembly%is_needed) return
+        call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
+        associate (assembly => run%system%way%assembly)
+            passed = merge(assembly%n_crossed, count_passed(run%model, spread(instant, 1, lanes), assembly, &
+                                                            run%system%workspace%state), failed .or. run%integrator%failed)
+        end associate
+    end subroutine count_change_points
+
+    !> With a pause now and then to hear whether to stop.
+    subroutine go_on_to(run, t)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t
+        real(wp), parameter :: breath = 0.25_wp    !! [s]
+
+        do
+            call run%integrator%pause%set(breath)
+            call go_to(run, t)
+            if (.not. run%integrator%is_paused .or. is_interrupted()) return
+        end do
+    end subroutine go_on_to
+
+    !> Where the members of a block are at an instant; NaN once one has stopped.
+    subroutine store(run, member, instant, q, qd)
+        type(forward_run), intent(inout) :: run
+        integer, intent(in) :: member(lanes)
+        real(wp), intent(in) :: instant                !! [s]
+        real(wp), intent(inout) :: q(:, :), qd(:, :)   !! (n_q, n_member)
+        real(wp), dimension(lanes, run%model%n_q) :: lane_q, lane_qd, lane_qdd
+        integer :: lane
+
+        call read_coordinates(run%model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%turns, &
+                              run%system%workspace%state, lane_q, lane_qd, lane_qdd)
+        do lane = 1, lanes
+            if (run%integrator%failed(lane)) then
+                lane_q(lane, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+                lane_qd(lane, :) = lane_q(lane, :)
+            end if
+            q(:, member(lane)) = lane_q(lane, :)
+            qd(:, member(lane)) = lane_qd(lane, :)
+        end do
+    end subroutine store
 end module linkdyn_ensemble

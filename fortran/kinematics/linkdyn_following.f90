@@ -124,28 +124,54 @@ contains
         report%outcome = merge(under_way, way_arrived, goes)
         allocate (report%least(lanes, size(self%least_margin)), source=huge(1.0_wp))
         if (.not. any(goes)) return
-        allocate (stands%margin(lanes, size(self%least_margin)), stands%drift(lanes, size(self%least_margin)))
-        allocate (stands%speed(lanes, size(self%least_margin)), source=0.0_wp)
-        allocate (stands%shift(lanes, size(self%least_margin)), source=0.0_wp)
-        tried = stands
-        is_crossing = .false.
-        is_first = .true.
-        slope = 0
-        pace = 0
-        side = 0
-        is_root = .false.
-        was_root = .false.
-        lead = 0
-        step = min(1.0_wp, stride)
-        call self%try(goes, report%reached, lead, is_crossing, stands)
-        call self%take(goes)
-        report%least = abs(stands%margin)
-        where (goes .and. .not. stands%is_closed) report%outcome = way_ends
-        call note_side(side, stands%margin, spread(self%least_margin, 1, lanes), .false.)
+        call set_out()
         most = spare_tries + 2*ceiling(1/merge(stride, 1.0_wp, goes))
         do n = 1, maxval(most, mask=goes)
             where (report%outcome == under_way .and. n > most) report%outcome = way_too_long
             if (all(report%outcome /= under_way)) exit
+            call choose_targets()
+            call self%try(report%outcome == under_way, target, lead, is_crossing, tried)
+            call judge_places()
+            call self%take(is_sound)
+            do lane = 1, lanes
+                if (report%outcome(lane) /= under_way) cycle
+                if (is_sound(lane)) then
+                    call go_on(lane)
+                else if (is_at_limit(lane)) then
+                    call give_up_crossing(lane)
+                else
+                    call turn_back(lane)
+                end if
+            end do
+        end do
+        where (report%outcome == under_way) report%outcome = way_too_long
+
+    contains
+
+        !> Stand at the beginning of the way.
+        subroutine set_out()
+            allocate (stands%margin(lanes, size(self%least_margin)), stands%drift(lanes, size(self%least_margin)))
+            allocate (stands%speed(lanes, size(self%least_margin)), source=0.0_wp)
+            allocate (stands%shift(lanes, size(self%least_margin)), source=0.0_wp)
+            tried = stands
+            is_crossing = .false.
+            is_first = .true.
+            slope = 0
+            pace = 0
+            side = 0
+            is_root = .false.
+            was_root = .false.
+            lead = 0
+            step = min(1.0_wp, stride)
+            call self%try(goes, report%reached, lead, is_crossing, stands)
+            call self%take(goes)
+            report%least = abs(stands%margin)
+            where (goes .and. .not. stands%is_closed) report%outcome = way_ends
+            call note_side(side, stands%margin, spread(self%least_margin, 1, lanes), .false.)
+        end subroutine set_out
+
+        !> Where to try next. A way that would end at a change point ends before it.
+        subroutine choose_targets()
             target = report%reached
             lead = 0
             is_crossing = .false.
@@ -164,7 +190,10 @@ contains
                 lead(lane) = 0
                 is_crossing(lane, :) = .false.
             end do
-            call self%try(report%outcome == under_way, target, lead, is_crossing, tried)
+        end subroutine choose_targets
+
+        !> Which of the places tried are of the same assembly. Beyond a change point that is not to be passed none is.
+        subroutine judge_places()
             do lane = 1, lanes
                 is_sound(lane) = report%outcome(lane) == under_way .and. tried%is_closed(lane)
                 if (is_sound(lane)) is_sound(lane) = is_place_sound(self%least_margin, stands, tried, lane, side(lane, :), &
@@ -173,22 +202,9 @@ contains
                 report%outcome(lane) = way_forks
                 is_sound(lane) = .false.
             end do
-            call self%take(is_sound)
-            do lane = 1, lanes
-                if (report%outcome(lane) /= under_way) cycle
-                if (is_sound(lane)) then
-                    call go_on(lane)
-                else if (is_at_limit(lane)) then
-                    call give_up_crossing(lane)
-                else
-                    call turn_back(lane)
-                end if
-            end do
-        end do
-        where (report%outcome == under_way) report%outcome = way_too_long
+        end subroutine judge_places
 
-    contains
-
+        !> Stand where it was tried, and learn from the step how the margins go on.
         subroutine go_on(lane)
             integer, intent(in) :: lane
             real(wp) :: taken

@@ -344,36 +344,9 @@ contains
             if (model%joint(j)%kind /= model%joint(j)%told_kind .or. is_in_use(model, j)) cycle
             select case (model%joint(j)%kind)
             case (joint_revolute)
-                if (model%is_planar) then
-                    call add_lines()
-                    call add(joint_revolute, joint_loose, xy, none)
-                    cycle
-                end if
-                call add(joint_revolute, joint_cylindrical, reshape(z, [3, 1]), none)
-                call add_forks()
-                call add(joint_revolute, joint_spherical, none, xy)
-                call add(joint_revolute, joint_groove, reshape(z, [3, 1]), xy)
-                call add(joint_revolute, joint_plate, xy, xy)
-                call add(joint_revolute, joint_loose, xyz, xy)
-                call add(joint_cylindrical, joint_groove, none, xy)
-                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
-                call add(joint_groove, joint_loose, xy, none)
-                call add_lines()
-                call add_lines_of_groove()
+                call free_hinge()
             case (joint_prismatic)
-                if (model%is_planar) then
-                    call add(joint_prismatic, joint_plate, none, reshape(y, [3, 1]), 1, x)
-                    call add(joint_prismatic, joint_loose, reshape(x, [3, 1]), reshape(y, [3, 1]))
-                    cycle
-                end if
-                call add(joint_prismatic, joint_cylindrical, none, reshape(z, [3, 1]))
-                call add(joint_prismatic, joint_groove, none, xyz)
-                call add(joint_prismatic, joint_loose, xy, xyz)
-                call add(joint_prismatic, joint_key, xy, xy)
-                call add(joint_cylindrical, joint_groove, none, xy)
-                call add(joint_groove, joint_loose, xy, none)
-                call add_lines()
-                call add_lines_of_groove()
+                call free_slide()
             case (joint_screw)
                 call add(joint_screw, joint_thread, xy, xy)
             case (joint_cylindrical)
@@ -386,31 +359,78 @@ contains
                 call add(joint_planar, joint_loose, reshape(z, [3, 1]), xy)
                 call add(joint_plate, joint_loose, reshape(z, [3, 1]), none)
             case (joint_universal)
-                call add(joint_universal, joint_spherical, none, reshape(z, [3, 1]))    ! the one moment, across both axes
-                ! a force: rods side by side under one platform
-                call add(joint_spherical, joint_groove, reshape(x, [3, 1]), none, 1, x)
-                call add(joint_spherical, joint_groove, reshape(y, [3, 1]), none, 1, y)
-                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+                call free_cross()
             case (joint_spherical)
-                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
-                call add(joint_spherical, joint_plate, xy, none)
-                call add(joint_spherical, joint_plate, reshape([y, z], [3, 2]), none, 1, x)
-                call add(joint_spherical, joint_plate, reshape([x, z], [3, 2]), none, 1, y)
-                call add(joint_spherical, joint_loose, xyz, none)
+                call free_ball()
             case (joint_fixed)
-                if (model%is_planar) then
-                    call add(joint_fixed, joint_loose, xy, reshape(z, [3, 1]))
-                else
-                    call add(joint_fixed, joint_revolute, none, reshape(z, [3, 1]))
-                    call add(joint_fixed, joint_spherical, none, xyz)
-                    call add(joint_fixed, joint_loose, xyz, xyz)
-                end if
+                call free_weld()
             case (joint_gear, joint_rack, joint_belt)
                 call add(model%joint(j)%kind, joint_loose, reshape(z, [3, 1]), none)    ! the one force of its teeth
             end select
         end do
 
     contains
+
+        subroutine free_hinge()
+            if (model%is_planar) then
+                call add_lines()
+                call add(joint_revolute, joint_loose, xy, none)
+                return
+            end if
+            call add(joint_revolute, joint_cylindrical, reshape(z, [3, 1]), none)
+            call add_forks()
+            call add(joint_revolute, joint_spherical, none, xy)
+            call add(joint_revolute, joint_groove, reshape(z, [3, 1]), xy)
+            call add(joint_revolute, joint_plate, xy, xy)
+            call add(joint_revolute, joint_loose, xyz, xy)
+            call add(joint_cylindrical, joint_groove, none, xy)
+            call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+            call add(joint_groove, joint_loose, xy, none)
+            call add_lines()
+            call add_lines_of_groove()
+        end subroutine free_hinge
+
+        subroutine free_slide()
+            if (model%is_planar) then
+                call add(joint_prismatic, joint_plate, none, reshape(y, [3, 1]), 1, x)
+                call add(joint_prismatic, joint_loose, reshape(x, [3, 1]), reshape(y, [3, 1]))
+                return
+            end if
+            call add(joint_prismatic, joint_cylindrical, none, reshape(z, [3, 1]))
+            call add(joint_prismatic, joint_groove, none, xyz)
+            call add(joint_prismatic, joint_loose, xy, xyz)
+            call add(joint_prismatic, joint_key, xy, xy)
+            call add(joint_cylindrical, joint_groove, none, xy)
+            call add(joint_groove, joint_loose, xy, none)
+            call add_lines()
+            call add_lines_of_groove()
+        end subroutine free_slide
+
+        !> The one moment of a universal joint, across both its axes; then a force: rods side by side under one platform.
+        subroutine free_cross()
+            call add(joint_universal, joint_spherical, none, reshape(z, [3, 1]))
+            call add(joint_spherical, joint_groove, reshape(x, [3, 1]), none, 1, x)
+            call add(joint_spherical, joint_groove, reshape(y, [3, 1]), none, 1, y)
+            call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+        end subroutine free_cross
+
+        subroutine free_ball()
+            call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+            call add(joint_spherical, joint_plate, xy, none)
+            call add(joint_spherical, joint_plate, reshape([y, z], [3, 2]), none, 1, x)
+            call add(joint_spherical, joint_plate, reshape([x, z], [3, 2]), none, 1, y)
+            call add(joint_spherical, joint_loose, xyz, none)
+        end subroutine free_ball
+
+        subroutine free_weld()
+            if (model%is_planar) then
+                call add(joint_fixed, joint_loose, xy, reshape(z, [3, 1]))
+            else
+                call add(joint_fixed, joint_revolute, none, reshape(z, [3, 1]))
+                call add(joint_fixed, joint_spherical, none, xyz)
+                call add(joint_fixed, joint_loose, xyz, xyz)
+            end if
+        end subroutine free_weld
 
         !> Of forces and moments along these axes of the first marker it lets go.
         subroutine add(needs, kind, force, moment, side, axis)
