@@ -9,11 +9,12 @@ module linkdyn_c_interface
     use linkdyn_handles, only: close_handle
     use linkdyn_given_attitudes, only: take_attitudes, attitudes_of_matrices, attitude_size, rotation_size
     use linkdyn_inverse, only: inverse_options, inverse_solver, choose_solver, solver_name
-    use linkdyn_inverse_call, only: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: flat_motion, shaped, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_count, check_finite
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_motion, only: evaluate_motion
+    use linkdyn_motion_batch, only: motion_batch
     use linkdyn_name_lists, only: name_list, list_names, find_room, find_result, result_width
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_scene_file, take_scene, leave_scene, find_placing
@@ -201,33 +202,22 @@ contains
         type(c_ptr), value :: t, q, qd, qdd, load
         type(open_scene), pointer :: scene
         type(status_type) :: status
-        real(c_double), pointer, contiguous :: t1(:), q1(:), qd1(:), qdd1(:), load1(:)
-        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :)
-        integer :: n
+        type(flat_motion) :: given
+        type(motion_batch) :: motion
 
         call hold_texts()
         call take_scene(handle, scene, status)
-        n = count_from("n", n_sample, status)
-        call see_instants(t, n, t1, status)
+        given%n = count_from("n", n_sample, status)
+        call see_instants(t, given%n, given%t, status)
         if (status%is_ok()) then
-            call check_width("coordinate", n_q, scene%model%n_q, status)
-            call check_width("load", n_load, scene%model%n_load, status)
-            call see("q", q, scene%model%n_q, n, q1, status)
-            call see("qd", qd, scene%model%n_q, n, qd1, status)
-            call see("qdd", qdd, scene%model%n_q, n, qdd1, status)
-            call see("load", load, 6*scene%model%n_load, n, load1, status)
-            call refuse_short_tables(scene%heard, minval(t1), maxval(t1), "samples", status)
+            call see_motion(scene, n_q, q, qd, qdd, n_load, load, given, status)
+            call refuse_short_tables(scene%heard, minval(given%t), maxval(given%t), "samples", status)
         end if
         if (status%is_ok()) then
-            associate (model => scene%model)
-                q2(1:model%n_q, 1:n) => q1
-                qd2(1:model%n_q, 1:n) => qd1
-                qdd2(1:model%n_q, 1:n) => qdd1
-                load3(1:6, 1:model%n_load, 1:n) => load1
-                call release_texts()
-                call evaluate_motion(model, t1, q2, qd2, qdd2, load3)
-                call hold_texts()
-            end associate
+            motion = shaped(scene%model, given)
+            call release_texts()
+            call evaluate_motion(scene%model, given%t, motion%q, motion%qd, motion%qdd, motion%load)
+            call hold_texts()
         end if
         call leave_scene(handle, scene)
         code = outcome(status)
@@ -278,12 +268,7 @@ contains
         call take_scene(handle, scene, status)
         given%n = count_from("n", n_sample, status)
         if (status%is_ok()) then
-            call check_width("coordinate", n_q, scene%model%n_q, status)
-            call check_width("load", n_load, scene%model%n_load, status)
-            call see("q", q, scene%model%n_q, given%n, given%q, status)
-            call see("qd", qd, scene%model%n_q, given%n, given%qd, status)
-            call see("qdd", qdd, scene%model%n_q, given%n, given%qdd, status)
-            call see("load", load, 6*scene%model%n_load, given%n, given%load, status)
+            call see_motion(scene, n_q, q, qd, qdd, n_load, load, given, status)
             if (c_associated(t)) call see_instants(t, given%n, given%t, status)
             call see_integers("status", sample_status, given%n, status1, status)
             call read_inverse_settings(settings, options, status)
@@ -317,7 +302,8 @@ contains
 
         !> The caller's arrays stay as they are.
         subroutine turn_to_angles()
-            real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :)
+            real(c_double), pointer :: attitude3(:, :, :)
+            type(motion_batch) :: motion
 
             turned = attitude1
             allocate (own(size(given%q), 3))
@@ -328,11 +314,9 @@ contains
             given%qd => own(:, 2)
             given%qdd => own(:, 3)
             given%attitude => turned
-            q2(1:scene%model%n_q, 1:given%n) => given%q
-            qd2(1:scene%model%n_q, 1:given%n) => given%qd
-            qdd2(1:scene%model%n_q, 1:given%n) => given%qdd
+            motion = shaped(scene%model, given)
             attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:given%n) => turned
-            call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
+            call take_attitudes(scene%model, attitude3, motion%q, motion%qd, motion%qdd)
         end subroutine turn_to_angles
     end function c_inverse_attitudes
 
@@ -695,6 +679,24 @@ contains
         call expect(name, pointer, status)
         if (c_associated(pointer)) call c_f_pointer(pointer, values, [int(width, c_size_t)*n])
     end subroutine see
+
+    !> Coordinates with their derivatives, and loads, of n samples.
+    subroutine see_motion(scene, n_q, q, qd, qdd, n_load, load, given, status)
+        type(open_scene), intent(in) :: scene
+        integer(c_size_t), intent(in) :: n_q, n_load
+        type(c_ptr), intent(in) :: q, qd, qdd, load
+        type(flat_motion), intent(inout) :: given          !! n is there
+        type(status_type), intent(inout) :: status
+
+        associate (model => scene%model)
+            call check_width("coordinate", n_q, model%n_q, status)
+            call check_width("load", n_load, model%n_load, status)
+            call see("q", q, model%n_q, given%n, given%q, status)
+            call see("qd", qd, model%n_q, given%n, given%qd, status)
+            call see("qdd", qdd, model%n_q, given%n, given%qdd, status)
+            call see("load", load, 6*model%n_load, given%n, given%load, status)
+        end associate
+    end subroutine see_motion
 
     subroutine see_instants(pointer, n, t, status)
         type(c_ptr), intent(in) :: pointer

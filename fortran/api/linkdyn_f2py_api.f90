@@ -27,11 +27,12 @@ module linkdyn_f2py_api
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, choose_solver, run_inverse
-    use linkdyn_inverse_call, only: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
+    use linkdyn_inverse_call, only: flat_motion, shaped, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, &
         check_size, check_finite
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
+    use linkdyn_motion_batch, only: motion_batch
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
         keep_simulator, put_simulator_back
@@ -348,7 +349,9 @@ contains
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
-        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :), load3(:, :, :)
+        type(flat_motion) :: given
+        type(motion_batch) :: motion
+        real(c_double), pointer :: attitude3(:, :, :)
 
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
@@ -358,15 +361,17 @@ contains
                                                6*scene%model%n_load, n, status)
         if (status%code == 0) call refuse_short_tables(scene%heard, minval(t), maxval(t), "samples", status)
         if (status%code == 0) then
-            q2(1:scene%model%n_q, 1:n) => q
-            qd2(1:scene%model%n_q, 1:n) => qd
-            qdd2(1:scene%model%n_q, 1:n) => qdd
-            load3(1:6, 1:scene%model%n_load, 1:n) => load
+            given%n = n
+            given%q => q
+            given%qd => qd
+            given%qdd => qdd
+            given%load => load(:used(n_load_values, 6*scene%model%n_load))
+            motion = shaped(scene%model, given)
             if (n_attitude > 1) then
                 attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => attitude
-                call evaluate_motion(scene%model, t, q2, qd2, qdd2, load3, attitude3)
+                call evaluate_motion(scene%model, t, motion%q, motion%qd, motion%qdd, motion%load, attitude3)
             else
-                call evaluate_motion(scene%model, t, q2, qd2, qdd2, load3)
+                call evaluate_motion(scene%model, t, motion%q, motion%qd, motion%qdd, motion%load)
             end if
         end if
         call leave_scene(handle, scene)
@@ -384,18 +389,22 @@ contains
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
-        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), attitude3(:, :, :)
+        type(flat_motion) :: given
+        type(motion_batch) :: motion
+        real(c_double), pointer :: attitude3(:, :, :)
 
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_size("attitude", int(used(n_attitude, scene%model%n_attitude), int64), &
                                                attitude_size*scene%model%n_attitude, n, status)
         if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
         if (status%code == 0) then
+            given%n = n
+            given%q => q
+            given%qd => qd
+            given%qdd => qdd
+            motion = shaped(scene%model, given)
             attitude3(1:attitude_size, 1:scene%model%n_attitude, 1:n) => attitude
-            q2(1:scene%model%n_q, 1:n) => q
-            qd2(1:scene%model%n_q, 1:n) => qd
-            qdd2(1:scene%model%n_q, 1:n) => qdd
-            call take_attitudes(scene%model, attitude3, q2, qd2, qdd2)
+            call take_attitudes(scene%model, attitude3, motion%q, motion%qd, motion%qdd)
         end if
         call leave_scene(handle, scene)
         call report(status, code, message)

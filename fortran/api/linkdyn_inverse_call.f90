@@ -26,8 +26,8 @@ module linkdyn_inverse_call
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
-    public :: flat_motion, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, check_finite, &
-        check_count
+    public :: flat_motion, shaped, room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
+        check_finite, check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
     integer, parameter :: n_room = 27
@@ -244,11 +244,7 @@ contains
         real(c_double), allocatable, target, intent(out) :: spin(:, :), spin_rate(:, :)
         type(motion_batch), intent(out) :: motion
 
-        motion%q(1:model%n_q, 1:given%n) => given%q
-        motion%qd(1:model%n_q, 1:given%n) => given%qd
-        motion%qdd(1:model%n_q, 1:given%n) => given%qdd
-        motion%load(1:6, 1:model%n_load, 1:n_loads(model, given)) => given%load
-        motion%t => given%t
+        motion = shaped(model, given)
         if (.not. goes_by_quaternions(given)) return
         call turn_by_quaternion(model, reshape(given%attitude, [attitude_size, model%n_attitude, given%n]), motion%qd, motion%qdd, &
                                 spin, spin_rate, turned)
@@ -256,6 +252,19 @@ contains
         motion%qdd => spin_rate
         if (allocated(turned)) motion%quaternion => turned
     end subroutine take_motion
+
+    !> The same numbers as arrays whose last dimension is the sample.
+    function shaped(model, given) result(motion)
+        type(model_type), intent(in) :: model
+        type(flat_motion), intent(in) :: given
+        type(motion_batch) :: motion
+
+        if (associated(given%q)) motion%q(1:model%n_q, 1:given%n) => given%q
+        if (associated(given%qd)) motion%qd(1:model%n_q, 1:given%n) => given%qd
+        if (associated(given%qdd)) motion%qdd(1:model%n_q, 1:given%n) => given%qdd
+        if (associated(given%load)) motion%load(1:6, 1:model%n_load, 1:n_loads(model, given)) => given%load
+        motion%t => given%t
+    end function shaped
 
     !> Loads are given for each sample, or once for all.
     pure integer function n_loads(model, given) result(n)
