@@ -10,6 +10,7 @@ from pathlib import Path
 import linkdyn
 import numpy as np
 import pytest
+from linkdyn import _bind
 
 from .conftest import BUILD, ROOT, run
 
@@ -43,6 +44,28 @@ def test_header_names_every_outcome_of_a_sample() -> None:
     named = {name.lower(): int(value) for name, value in re.findall(r"LINKDYN_SAMPLE_(\w+) = (\d+)", header)}
     status = linkdyn.load(SCENE).inverse(t=[0.0]).status
     assert named == dict(zip(status.flag_meanings.split(), status.flag_values.tolist()))
+
+
+def test_outcomes_of_calls_have_one_number_each() -> None:
+    """The engine and its handles number them; the header, the Fortran module and the Python package repeat these numbers."""
+
+    def numbers(pattern: str, *files: str) -> dict[str, int]:
+        text = "".join((ROOT / file).read_text() for file in files)
+        return {name.lower(): int(value) for name, value in re.findall(pattern, text)}
+
+    engine = numbers(r"parameter :: status_(\w+) = (\d+)", "fortran/core/linkdyn_status.f90", "fortran/api/linkdyn_handles.f90",
+                     "fortran/api/linkdyn_open_run.f90")
+    header = numbers(r"LINKDYN_(?!SAMPLE_)([A-Z_]+) = (\d+)", "fortran/api/linkdyn.h")
+    assert header == {name: code for name, code in engine.items() if name != "interrupted"}    # no call of the library listens
+    assert header == numbers(r"parameter :: linkdyn_(\w+) = (\d+)", "fortran/api/linkdyn.f90")
+    names = {"BAD_INPUT": "bad_input", "IO_ERROR": "io_error", "UNAVAILABLE": "unavailable", "STALE_HANDLE": "closed", "INTERRUPTED": "interrupted"}
+    assert all(getattr(_bind, name) == engine[other] for name, other in names.items())
+
+
+def test_guide_names_every_outcome_of_a_sample() -> None:
+    status = linkdyn.load(SCENE).inverse(t=[0.0]).status
+    told = re.findall(r"^\| (\d) `(\w+)` \|", (ROOT / "docs" / "guide.md").read_text(), re.M)
+    assert [(int(code), name) for code, name in told] == list(zip(status.flag_values.tolist(), status.flag_meanings.split()))
 
 
 # ------------------------------------------------------------------------------------------------ the examples
