@@ -22,6 +22,7 @@ module linkdyn_given_numbers
 
 contains
 
+    !> Room for all that kernels are given, block by block, on lanes.
     subroutine prepare_numbers(model, with_model, numbers)
         type(model_type), intent(in) :: model
         logical, intent(in) :: with_model              !! the model's own numbers are among them

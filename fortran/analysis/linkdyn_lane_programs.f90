@@ -151,6 +151,7 @@ contains
 
     contains
 
+        !> Lanes from the first on, as many as a block of the program has room for.
         subroutine run_some(first, n, slots)
             integer, intent(in) :: first, n                !! lanes
             type(program_space), intent(inout) :: slots

@@ -114,6 +114,8 @@ contains
         loop%rotation(:, :, 0) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
     end subroutine take_shared_joints
 
+    !> Reactions of the joints as they are: those of the released ones with the self-stress that has least energy. Joints that gape
+    !> share nothing.
     subroutine share_sample(model, loop, workspace, status, reaction, push)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop

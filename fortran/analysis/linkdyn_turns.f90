@@ -52,6 +52,7 @@ module linkdyn_turns
 
 contains
 
+    !> The joint variables that may make whole turns, and what a step of each coordinate counts beside the others.
     pure subroutine list_turning(model, angles)
         type(model_type), intent(in) :: model
         type(turning_angles), intent(out) :: angles

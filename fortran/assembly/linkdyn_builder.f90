@@ -415,6 +415,7 @@ contains
         end associate
     end subroutine take_link
 
+    !> A joint as the engine has it: its markers as points and frames on both links. In a plane frames lie as the plane wants them.
     subroutine take_joint(scene, index, joint)
         type(scene_type), intent(in) :: scene
         integer, intent(in) :: index

@@ -67,6 +67,7 @@ contains
 
     ! ---------------------------------------------------------------- dyads
 
+    !> Of a dyad's two assemblies: the branch asked for, else that nearest to how its links are drawn.
     subroutine choose_branch(model, step, state, status)
         type(model_type), intent(inout) :: model
         type(step_type), intent(in) :: step

@@ -64,6 +64,7 @@ contains
         end do
     end function measure_distance
 
+    !> How far a link is from where the scene draws it: lengths in the mechanism's size, with the angle of the turn, squared.
     function square_of_link(model, l, state) result(square)
         type(model_type), intent(in) :: model
         integer, intent(in) :: l

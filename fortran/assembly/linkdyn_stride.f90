@@ -30,6 +30,7 @@ module linkdyn_stride
 
 contains
 
+    !> Places and margins of all samples of a stride, from where the last one ended if it goes on from there.
     subroutine make_stride(model, from, q, branch, closer, margins, place, stride)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: from(:)              !! coordinates where it sets out (n_q)

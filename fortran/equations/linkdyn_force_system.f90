@@ -72,6 +72,8 @@ contains
         end do
     end subroutine add_reactions
 
+    !> What one joint passes on, as unknowns along the directions in which its kind holds: forces, moments, and what comes with
+    !> them.
     subroutine add_reaction(mechanism, side, j, system, unknowns)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: side                    !! in the axes of this link; 0: world axes

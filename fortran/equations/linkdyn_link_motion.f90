@@ -84,6 +84,8 @@ contains
 
     contains
 
+        !> All numbers of the links' motion in their order: first rotations, then origins, then slides. Accelerations come in
+        !> parts, one for each unknown.
         subroutine pass()
             do o = 1, model%n_orientation
                 call add(of_rotation, 0, o, merge(2, 9, model%is_planar))

@@ -48,6 +48,7 @@ contains
         end do
     end subroutine move_contacts
 
+    !> How surfaces rub in one contact: what slides and turns on what, about which axis, at which arm.
     subroutine move_contact(mechanism, i, sense, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i

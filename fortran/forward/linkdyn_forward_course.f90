@@ -118,6 +118,7 @@ contains
         if (run%dead_coordinate > 0) run%integrator%failed = .true.
     end subroutine change_phase
 
+    !> Another choice of coordinates that leads on from here, with as few loops closed by iteration as can be had.
     subroutine find_better_phase(run, is_found)
         type(forward_run), intent(inout) :: run
         logical, intent(out) :: is_found

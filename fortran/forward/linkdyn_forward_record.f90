@@ -202,6 +202,7 @@ contains
         end do
     end function representatives
 
+    !> Where the record's inputs come from: wires of the state, constants, drives over time, springs and targets at coordinates.
     subroutine prepare_samples(model, layout, record)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout

@@ -26,6 +26,8 @@ module linkdyn_impacts
 
 contains
 
+    !> Impacts in rounds: what closes is pushed apart, and may drive other contacts together, until none closes any more or these
+    !> are `most_rounds`.
     pure subroutine find_impacts(response, restitution, touches, strikes, fastest, hardest, speed, impulse, has_struck, is_closed, &
                                   loss)
         real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)

@@ -296,6 +296,7 @@ contains
         is_there = self%integrator%is_there .and. .not. (any(self%integrator%failed) .or. self%integrator%is_lost)
     end subroutine advance_to
 
+    !> Why the integrator stopped, in the words of a caller who steps.
     subroutine refuse_to_go_on(self, status)
         type(simulator_type), intent(inout) :: self
         type(status_type), intent(inout) :: status

@@ -26,6 +26,7 @@ module linkdyn_state_wires
 
 contains
 
+    !> Where each number of the state goes among the record's inputs, and where each of its rates comes from.
     subroutine lay_wires(model, layout, out, wires)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout

@@ -174,6 +174,7 @@ contains
 
     contains
 
+        !> The link on the second side of the joint, from that on the first one.
         subroutine place_second()
             logical :: turns
 
@@ -211,6 +212,7 @@ contains
                 acceleration = turn.unrotate.acceleration
         end function through
 
+        !> The link on the first side of the joint, from that on the other one.
         subroutine place_first()
             logical :: turns
             type(vector) :: point

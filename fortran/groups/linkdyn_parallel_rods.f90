@@ -58,6 +58,7 @@ contains
                 + (pair(3)%m_rate.dot.(pair(1)%m.cross.pair(2)%m))
     end subroutine margin_of_hold
 
+    !> The direction m about which a pair of rods holds the attitude of its platform, of unit length, and its rate.
     subroutine look_at_pair(mechanism, joint, platform, pair)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: joint(:)                    !! inner and outer joint of a rod, outer joint of the other

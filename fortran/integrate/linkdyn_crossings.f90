@@ -350,6 +350,8 @@ contains
         end do
     end subroutine judge
 
+    !> What one guard did in a step by the places looked at: the piece in which it crosses first, where it may dip to zero and back
+    !> between them, and whether more places are needed to tell.
     pure subroutine judge_guard(look, direction, side_before, is_fresh, lane, i, from, to, side, is_found, is_settled, &
                                 dip)
         type(look_type), intent(in) :: look

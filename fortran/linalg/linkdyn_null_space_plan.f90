@@ -63,6 +63,7 @@ contains
         plan%rest = pack([(i, i=1, size(is_open))], is_open)
     end subroutine plan_null_space
 
+    !> The pivot that fills in least (Markowitz) among those that are large enough at every sample; the largest one if none is.
     pure subroutine choose_pivot(a, has, is_open, is_free, equation, unknown)
         real(wp), intent(in) :: a(:, :, :)               !! what is left (equation, unknown, sample)
         logical, intent(in) :: has(:, :), is_open(:), is_free(:)

@@ -57,6 +57,7 @@ contains
         end associate
     end function slip_of_wheels
 
+    !> How fast the follower passes its cam where both touch, or its rate by that of a coordinate, as the level says.
     function slip_on_cam(model, state, j, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state

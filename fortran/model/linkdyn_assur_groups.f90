@@ -75,6 +75,7 @@ contains
         if (grouping%lack == 0) call order_groups(ledger, tie, is_known, grouping)
     end subroutine find_groups
 
+    !> Nobody is charged yet; lists of the ties of each link, one behind the other.
     subroutine open_ledger(n_link, freedom, tie, ledger)
         integer, intent(in) :: n_link, freedom
         type(tie_type), intent(in) :: tie(:)

@@ -71,6 +71,7 @@ contains
         end if
     end subroutine take_arm
 
+    !> How a beam gives way to what acts at its end: stretched, twisted, bent both ways and sheared (Timoshenko).
     subroutine take_beam(link, spec, way, arm, status)
         type(link_spec), intent(in) :: link
         type(arm_spec), intent(in) :: spec

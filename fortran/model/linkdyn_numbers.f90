@@ -33,6 +33,7 @@ module linkdyn_numbers
 
 contains
 
+    !> Where each part's numbers stand in the list of all numbers of a model.
     pure subroutine place_numbers(model, at)
         type(model_type), intent(in) :: model
         type(number_places), intent(out) :: at

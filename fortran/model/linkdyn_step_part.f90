@@ -144,6 +144,7 @@ contains
 
     ! ---------------------------------------------------------------- the links and joints
 
+    !> A small model of the links that a step places and of their neighbours, which stand already; its numbers are filled in later.
     subroutine begin_part(model, link, joint, turn_as_one, part)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)       !! that are placed; between these and known ones

@@ -39,6 +39,7 @@ module linkdyn_straight_line
 
 contains
 
+    !> Slots are used again and again; statements name what they take by where it was made.
     subroutine make_straight_line(kernel, line)
         type(kernel_type), intent(in) :: kernel
         type(straight_line), intent(out) :: line

@@ -149,6 +149,7 @@ contains
         elimination%is_complete = .true.
     end subroutine eliminate
 
+    !> Rows and columns that know of each other. Samples at which a number is none have no say in choices.
     subroutine begin(row, n_column, work)
         type(sparse_row), intent(inout) :: row(:)
         integer, intent(in) :: n_column
@@ -373,6 +374,8 @@ contains
         end do
     end function n_together
 
+    !> Two equations with an unknown whose entries may vanish in turn, never both: turned against each other, so that one has the
+    !> root of the sum of their squares, and the other none.
     subroutine turn_pair(work, i, j, u)
         type(work_type), intent(inout) :: work
         integer, intent(in) :: i, j, u
@@ -440,6 +443,7 @@ contains
 
     ! ---------------------------------------------------------------- doing
 
+    !> Take an unknown out of all other equations. A pivot that varies is watched: by how much may its inverse grow?
     subroutine apply_pivot(work, u, i, step, watched)
         type(work_type), intent(inout) :: work
         integer, intent(in) :: u, i

@@ -222,6 +222,7 @@ contains
             end do
         end subroutine add_others
 
+        !> One more term of a sum, fused with a product where it is one. The sum so far may wait with the other sign.
         subroutine add_term(i)
             integer, intent(in) :: i
             integer :: result

@@ -455,6 +455,7 @@ contains
 
     ! ---------------------------------------------------------------- operations
 
+    !> Base to the power of the exponent, with the dimension that this has.
     subroutine raise(reader, base, exponent)
         type(reader_type), intent(inout) :: reader
         type(measured_value), intent(inout) :: base

@@ -284,6 +284,7 @@ contains
                     reshape(totals%histogram, [size(totals%histogram)])]
     end subroutine pack_totals
 
+    !> The totals that these numbers of a checkpoint were.
     subroutine unpack_totals(shape, reals, integers, totals)
         type(totals_shape), intent(in) :: shape
         real(wp), intent(in) :: reals(:)
