@@ -84,7 +84,28 @@ contains
             config%help = .true.
             return
         end if
-        associate (word => arguments(1)%text)
+        call take_command(arguments(1)%text)
+        if (.not. status%is_ok() .or. any(config%command == [command_none, command_version])) return
+        i = 2
+        do while (i <= size(arguments) .and. status%is_ok())
+            call take_word(arguments, i, config, status)
+        end do
+        if (.not. status%is_ok() .or. config%help) return
+        if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)")
+        call heed_ending()
+        call refuse_contradictions()
+        if (config%command == command_generate) then
+            call take_code_results()
+        else
+            call settle_results()
+        end if
+
+    contains
+
+        !> A command, or an option in place of one.
+        subroutine take_command(word)
+            character(len=*), intent(in) :: word
+
             select case (word)
             case ("--version")
                 config%command = command_version
@@ -94,45 +115,38 @@ contains
                 config%help = .true.
                 return
             end select
+            config%command = findloc(command%name == word, .true., dim=1)
+            if (config%command /= command_none) return
             if (any(command_in_python%name == word)) then
                 call refuse(word//": "//trim(command_in_python(findloc(command_in_python%name == word, .true., dim=1))%text) &
                             //" (expected the command linkdyn that it installs)")
-                return
-            end if
-            config%command = findloc(command%name == word, .true., dim=1)
-            if (config%command == command_none .and. index(word, "-") == 1) then
+            else if (index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
-            else if (config%command == command_none) then
+            else
                 call refuse(quoted(word)//": unknown command (expected "//one_of([command%name, command_in_python%name])//")" &
                             //suggestion(word, [command%name, command_in_python%name]))
             end if
-        end associate
-        if (.not. status%is_ok()) return
-        i = 2
-        do while (i <= size(arguments) .and. status%is_ok())
-            call take_word(arguments, i, config, status)
-        end do
-        if (.not. status%is_ok() .or. config%help) return
-        if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)")
-        call heed_ending()
-        if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) &
-            call refuse("--no-output: nothing is written (expected no --output, --csv or --compress beside it)")
-        if (config%csv .and. config%deflate > 0) &
-            call refuse("--compress: only netCDF files are compressed (expected no --csv beside it)")
-        if (config%integrator%method == method_rk4 .and. (is_given(config, "--rtol") .or. is_given(config, "--atol"))) &
-            call refuse("--rtol, --atol: method rk4 has a fixed step and no tolerance (expected --step)")
-        if (config%command == command_generate) then
-            call take_code_results()
-            return
-        end if
-        if (.not. allocated(config%want)) config%wanted = default_wanted(config)
-        call add_free(config%options%solver, config%wanted)
-        config%wanted%errors = config%error
-        config%options%wants_errors = config%error
-        config%options%wants_rcond = config%wanted%rcond
-        config%options%wants_distance = config%wanted%distance
+        end subroutine take_command
 
-    contains
+        !> Options that cannot both be meant.
+        subroutine refuse_contradictions()
+            if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) &
+                call refuse("--no-output: nothing is written (expected no --output, --csv or --compress beside it)")
+            if (config%csv .and. config%deflate > 0) &
+                call refuse("--compress: only netCDF files are compressed (expected no --csv beside it)")
+            if (config%integrator%method == method_rk4 .and. (is_given(config, "--rtol") .or. is_given(config, "--atol"))) &
+                call refuse("--rtol, --atol: method rk4 has a fixed step and no tolerance (expected --step)")
+        end subroutine refuse_contradictions
+
+        !> What is computed, where nothing or not all is named.
+        subroutine settle_results()
+            if (.not. allocated(config%want)) config%wanted = default_wanted(config)
+            call add_free(config%options%solver, config%wanted)
+            config%wanted%errors = config%error
+            config%options%wants_errors = config%error
+            config%options%wants_rcond = config%wanted%rcond
+            config%options%wants_distance = config%wanted%distance
+        end subroutine settle_results
 
         !> A table is asked for by the ending of its name, too; with that of the other kind it would be taken for one.
         subroutine heed_ending()
