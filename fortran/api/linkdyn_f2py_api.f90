@@ -188,7 +188,7 @@ contains
         n_load = 0
         n_link = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             n_coordinate = scene%model%n_q
             n_actuator = scene%model%n_actuator
             n_joint = scene%model%n_joint
@@ -214,7 +214,7 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call to_bytes(scene_as_json(scene%model), text, length)
+        if (status%is_ok()) call to_bytes(scene_as_json(scene%model), text, length)
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_describe_scene
@@ -238,14 +238,14 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call choose_solver(trim(solver), number, status)
-        if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
-        if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
-        if (status%code == 0) call refuse_absent(want, scene%model%scene, status)
-        if (status%code == 0) call add_free(number, wanted)
+        if (status%is_ok()) call choose_solver(trim(solver), number, status)
+        if (status%is_ok() .and. len_trim(want) == 0) wanted = all_wanted(number)
+        if (status%is_ok() .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
+        if (status%is_ok()) call refuse_absent(want, scene%model%scene, status)
+        if (status%is_ok()) call add_free(number, wanted)
         wanted%errors = has_errors == 1
         if (wanted%distance .and. has_time == 2) call refuse_distance(status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call to_bytes(layout_as_json(layout_of(scene%model, wanted, has_time /= 0, has_time == 2)), text, length)
         end if
         call leave_scene(handle, scene)
@@ -276,12 +276,12 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call open_report(unit, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call open_report(unit, status)
+        if (status%is_ok()) then
             call explain_model(scene%model, unit)
             if (with_matrix == 1) call explain_first_instant(scene%model, unit)
             call read_report(unit, written, status)
-            if (status%code == 0) call to_bytes(written, text, length)
+            if (status%is_ok()) call to_bytes(written, text, length)
         end if
         call leave_scene(handle, scene)
         call report(status, code, message)
@@ -301,7 +301,7 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call find_assemblies(scene%model, list)
             call to_bytes(assemblies_as_json(scene%model, list), text, length)
         end if
@@ -328,10 +328,10 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call choose_kernel(kernel, wish%kernel, status)
-        if (status%code == 0) call choose_code_results(want, wish, status)
-        if (status%code == 0) call make_code_texts(scene%model, wish, from_bytes(name), header, source, status)
-        if (status%code == 0) call to_bytes(header//achar(0)//source, text, length)
+        if (status%is_ok()) call choose_kernel(kernel, wish%kernel, status)
+        if (status%is_ok()) call choose_code_results(want, wish, status)
+        if (status%is_ok()) call make_code_texts(scene%model, wish, from_bytes(name), header, source, status)
+        if (status%is_ok()) call to_bytes(header//achar(0)//source, text, length)
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_generate
@@ -354,13 +354,13 @@ contains
         real(c_double), pointer :: attitude3(:, :, :)
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
-        if (status%code == 0 .and. n_attitude > 1) call check_size("attitude", int(n_attitude, int64), &
-                                                                   attitude_size*scene%model%n_attitude, n, status)
-        if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
-                                               6*scene%model%n_load, n, status)
-        if (status%code == 0) call refuse_short_tables(scene%heard, minval(t), maxval(t), "samples", status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
+        if (status%is_ok() .and. n_attitude > 1) call check_size("attitude", int(n_attitude, int64), &
+                                                                 attitude_size*scene%model%n_attitude, n, status)
+        if (status%is_ok()) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
+                                            6*scene%model%n_load, n, status)
+        if (status%is_ok()) call refuse_short_tables(scene%heard, minval(t), maxval(t), "samples", status)
+        if (status%is_ok()) then
             given%n = n
             given%q => q
             given%qd => qd
@@ -394,10 +394,10 @@ contains
         real(c_double), pointer :: attitude3(:, :, :)
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("attitude", int(used(n_attitude, scene%model%n_attitude), int64), &
-                                               attitude_size*scene%model%n_attitude, n, status)
-        if (status%code == 0) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("attitude", int(used(n_attitude, scene%model%n_attitude), int64), &
+                                            attitude_size*scene%model%n_attitude, n, status)
+        if (status%is_ok()) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
+        if (status%is_ok()) then
             given%n = n
             given%q => q
             given%qd => qd
@@ -435,8 +435,8 @@ contains
         real(c_double), pointer :: pose3(:, :, :)
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("pose", int(n_pose_values, int64), 18, n, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("pose", int(n_pose_values, int64), 18, n, status)
+        if (status%is_ok()) then
             pose3(1:6, 1:3, 1:n) => pose
             call evaluate_base_pose(scene%model, t, pose3)
         end if
@@ -458,9 +458,9 @@ contains
         real(c_double), pointer :: mass2(:, :)
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("mass", int(used(n_mass_values, size(scene%model%payload)), int64), &
-                                               size(scene%model%payload), n, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("mass", int(used(n_mass_values, size(scene%model%payload)), int64), &
+                                            size(scene%model%payload), n, status)
+        if (status%is_ok()) then
             mass2(1:size(scene%model%payload), 1:n) => mass
             call evaluate_payloads(scene%model, t, mass2)
         end if
@@ -482,9 +482,9 @@ contains
         real(c_double), pointer :: load3(:, :, :)
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
-                                               6*scene%model%n_load, n, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
+                                            6*scene%model%n_load, n, status)
+        if (status%is_ok()) then
             load3(1:6, 1:scene%model%n_load, 1:n) => load
             call evaluate_loads(scene%model, t, load3)
         end if
@@ -511,10 +511,10 @@ contains
         type(inverse_options) :: options
 
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("q", int(used(n_q_values, scene%model%n_q), int64), scene%model%n_q, n, status)
-        if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
-                                               6*scene%model%n_load, n, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("q", int(used(n_q_values, scene%model%n_q), int64), scene%model%n_q, n, status)
+        if (status%is_ok()) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
+                                            6*scene%model%n_load, n, status)
+        if (status%is_ok()) then
             options%wants_forces = .false.
             options%in_order = in_order == 1
             q2(1:scene%model%n_q, 1:n) => q
@@ -578,10 +578,10 @@ contains
 
         call start_listening()
         call take_scene(handle, scene, status)
-        if (status%code == 0) call choose_solver(trim(solver), options%solver, status)
-        if (status%code == 0 .and. n_place /= n_room) call fail(status, status_bad_input, &
+        if (status%is_ok()) call choose_solver(trim(solver), options%solver, status)
+        if (status%is_ok() .and. n_place /= n_room) call fail(status, status_bad_input, &
             to_text(n_place)//" places are given (expected one for each of the "//to_text(n_room)//" results)")
-        if (status%code == 0) then
+        if (status%is_ok()) then
             options%threads = threads
             options%in_order = in_order == 1
             do i = 1, n_room
@@ -642,13 +642,13 @@ contains
 
         run_handle = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) then                         ! the first failure stays
+        if (status%is_ok()) then                         ! the first failure stays
             call choose_method(trim(method), options%integrator%method, status)
             call choose_solver(trim(solver), options%solver, status)
-            if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(options%solver)
-            if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(trim(want), wanted, status)
-            if (status%code == 0) call refuse_absent(want, scene%model%scene, status)
-            if (status%code == 0) call add_free(options%solver, wanted)
+            if (status%is_ok() .and. len_trim(want) == 0) wanted = all_wanted(options%solver)
+            if (status%is_ok() .and. len_trim(want) > 0) call choose_wanted(trim(want), wanted, status)
+            if (status%is_ok()) call refuse_absent(want, scene%model%scene, status)
+            if (status%is_ok()) call add_free(options%solver, wanted)
             options%integrator%step = step
             options%integrator%rtol = rtol
             options%integrator%atol = atol
@@ -661,7 +661,7 @@ contains
             options%wants_rcond = wanted%rcond
             wanted%errors = has_errors == 1
         end if
-        if (status%code == 0) then
+        if (status%is_ok()) then
             options%shared => scene%shared
             call start_run(scene%model, options, wanted, run_handle, status)
         end if
@@ -710,7 +710,7 @@ contains
         n_event = 0
         is_over = 0
         call take_run(run_handle, here, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call prepare_block(here%watched%layout, n, block)
             place = 0
             whole_place = 0
@@ -721,7 +721,7 @@ contains
             call check_size("values", int(n_values, int64), place, 1, status)
             call check_size("numbers", int(n_numbers, int64), whole_place, 1, status)
         end if
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call advance_watched(here%watched, t, block, taken, i, seconds)
             n_done = i
             roads = [taken%closed, taken%iterated, taken%dense]
@@ -766,13 +766,13 @@ contains
         integer :: i, n_q
 
         call take_run(run_handle, here, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             n_q = here%model%n_q
             call check_size("states", int(n_values, int64), 3*n_q, n, status)
-            if (status%code == 0 .and. n > here%watched%run%system%way%log%n) &
+            if (status%is_ok() .and. n > here%watched%run%system%way%log%n) &
                 call fail(status, status_bad_input, "there are fewer events than that")
         end if
-        if (status%code == 0) then
+        if (status%is_ok()) then
             do i = 1, n
                 associate (entry => here%watched%run%system%way%log%entry(i))
                     kinds(3*i - 2:3*i) = [entry%event, entry%kind, entry%direction]
@@ -809,11 +809,11 @@ contains
 
         simulator_handle = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call choose_method(trim(method), options%method, status)
+        if (status%is_ok()) call choose_method(trim(method), options%method, status)
         options%step = step
         options%rtol = rtol
         options%atol = atol
-        if (status%code == 0) call start_simulator(scene%model, options, t, simulator_handle, status)
+        if (status%is_ok()) call start_simulator(scene%model, options, t, simulator_handle, status)
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_simulator
@@ -833,13 +833,13 @@ contains
         type(status_type) :: status
 
         call take_simulator(simulator_handle, here, status)
-        if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
-        if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
-        if (status%code == 0 .and. has_pressure /= 0) &
+        if (status%is_ok()) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
+        if (status%is_ok()) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
+        if (status%is_ok() .and. has_pressure /= 0) &
             call check_size("pressure", int(n_pressure, int64), here%is%n_cylinder(), n_chamber, status)
-        if (status%code == 0 .and. has_pressure /= 0) then
+        if (status%is_ok() .and. has_pressure /= 0) then
             call set_simulator(here, t, q, qd, status, reshape(pressure, [n_chamber, here%is%n_cylinder()]))
-        else if (status%code == 0) then
+        else if (status%is_ok()) then
             call set_simulator(here, t, q, qd, status)
         end if
         call leave_simulator(simulator_handle, here)
@@ -863,10 +863,10 @@ contains
 
         t = 0
         call take_simulator(simulator_handle, here, status)
-        if (status%code == 0) call check_size("force", int(n_force, int64), here%is%model%n_actuator, 1, status)
-        if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
-        if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("force", int(n_force, int64), here%is%model%n_actuator, 1, status)
+        if (status%is_ok()) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
+        if (status%is_ok()) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
+        if (status%is_ok()) then
             if (is_ahead(here)) call here%is%step(t_end, force, status)
             if (allocated(here%is%integrator)) call here%is%read(t, q, qd)
         end if
@@ -896,11 +896,11 @@ contains
         real(c_double), allocatable :: found(:, :)
 
         call take_simulator(simulator_handle, here, status)
-        if (status%code == 0) call check_size("pressure", int(n_pressure, int64), here%is%n_cylinder(), n_chamber, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("pressure", int(n_pressure, int64), here%is%n_cylinder(), n_chamber, status)
+        if (status%is_ok()) then
             allocate (found(n_chamber, here%is%n_cylinder()))
             call here%is%read_pressures(found, status)
-            if (status%code == 0) pressure(:size(found)) = reshape(found, [size(found)])
+            if (status%is_ok()) pressure(:size(found)) = reshape(found, [size(found)])
         end if
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
@@ -917,7 +917,7 @@ contains
 
         state_handle = 0
         call take_simulator(simulator_handle, here, status)
-        if (status%code == 0) call keep_simulator(simulator_handle, here, state_handle, status)
+        if (status%is_ok()) call keep_simulator(simulator_handle, here, state_handle, status)
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
     end subroutine api_keep_simulator
@@ -931,7 +931,7 @@ contains
         type(status_type) :: status
 
         call take_simulator(simulator_handle, here, status)
-        if (status%code == 0) call put_simulator_back(simulator_handle, here, state_handle, status)
+        if (status%is_ok()) call put_simulator_back(simulator_handle, here, state_handle, status)
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
     end subroutine api_put_simulator_back
@@ -975,13 +975,13 @@ contains
 
         call start_listening()
         call take_scene(handle, scene, status)
-        if (status%code == 0) width = merge(scene%model%n_variable, scene%model%n_q, in_order == 2)
-        if (status%code == 0) call check_size("q", int(n_q_values, int64), width, n, status)
-        if (status%code == 0) call check_size("position", int(n_position, int64), 3*scene%model%n_link, n, status)
-        if (status%code == 0) call check_size("rotation", int(n_rotation, int64), 9*scene%model%n_link, n, status)
-        if (status%code == 0 .and. in_order /= 2) call check_finite("q", scene%model, 0, n, q, status)
-        if (status%code == 0 .and. in_order /= 2) call find_placing(scene, solver, status)
-        if (status%code == 0) then
+        if (status%is_ok()) width = merge(scene%model%n_variable, scene%model%n_q, in_order == 2)
+        if (status%is_ok()) call check_size("q", int(n_q_values, int64), width, n, status)
+        if (status%is_ok()) call check_size("position", int(n_position, int64), 3*scene%model%n_link, n, status)
+        if (status%is_ok()) call check_size("rotation", int(n_rotation, int64), 9*scene%model%n_link, n, status)
+        if (status%is_ok() .and. in_order /= 2) call check_finite("q", scene%model, 0, n, q, status)
+        if (status%is_ok() .and. in_order /= 2) call find_placing(scene, solver, status)
+        if (status%is_ok()) then
             q2(1:width, 1:n) => q
             position3(1:3, 1:scene%model%n_link, 1:n) => position
             rotation4(1:3, 1:3, 1:scene%model%n_link, 1:n) => rotation
@@ -1030,15 +1030,15 @@ contains
         n_event = 0
         call start_listening()
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_size("room for change points", int(n_members, int64), 1, n, status)
-        if (status%code == 0) call check_size("room for outcomes", int(n_outcomes, int64), 1, n, status)
-        if (status%code == 0) call check_size("q", int(n_start, int64), scene%model%n_q, n, status)
-        if (status%code == 0) call check_size("qd", int(n_start_rate, int64), scene%model%n_q, n, status)
-        if (status%code == 0) call check_size("room for q", int(n_q_values, int64), scene%model%n_q*n_t, n, status)
-        if (status%code == 0) call check_size("room for qd", int(n_qd_values, int64), scene%model%n_q*n_t, n, status)
-        if (status%code == 0) call check_finite("q", scene%model, 0, n, q_start, status)
-        if (status%code == 0) call check_finite("qd", scene%model, 0, n, qd_start, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call check_size("room for change points", int(n_members, int64), 1, n, status)
+        if (status%is_ok()) call check_size("room for outcomes", int(n_outcomes, int64), 1, n, status)
+        if (status%is_ok()) call check_size("q", int(n_start, int64), scene%model%n_q, n, status)
+        if (status%is_ok()) call check_size("qd", int(n_start_rate, int64), scene%model%n_q, n, status)
+        if (status%is_ok()) call check_size("room for q", int(n_q_values, int64), scene%model%n_q*n_t, n, status)
+        if (status%is_ok()) call check_size("room for qd", int(n_qd_values, int64), scene%model%n_q*n_t, n, status)
+        if (status%is_ok()) call check_finite("q", scene%model, 0, n, q_start, status)
+        if (status%is_ok()) call check_finite("qd", scene%model, 0, n, qd_start, status)
+        if (status%is_ok()) then
             q_start2(1:scene%model%n_q, 1:n) => q_start
             qd_start2(1:scene%model%n_q, 1:n) => qd_start
             q3(1:scene%model%n_q, 1:n_t, 1:n) => q
@@ -1097,12 +1097,12 @@ contains
         n_next = 0
         nullify (open)
         call take_scene(handle, scene, status)
-        if (status%code == 0) call check_actuators(scene%model%scene, status)
-        if (status%code == 0) call choose_solver(trim(solver), number, status)
-        if (status%code == 0) call start_open_sweep(scene%model%scene, from_bytes(folder), number, trim(from_bytes(keep)), &
+        if (status%is_ok()) call check_actuators(scene%model%scene, status)
+        if (status%is_ok()) call choose_solver(trim(solver), number, status)
+        if (status%is_ok()) call start_open_sweep(scene%model%scene, from_bytes(folder), number, trim(from_bytes(keep)), &
             int(threads), trim(from_bytes(output)), resumes /= 0, interval, sweep, status)
-        if (status%code == 0) call take_sweep(sweep, open, status)
-        if (status%code == 0) then
+        if (status%is_ok()) call take_sweep(sweep, open, status)
+        if (status%is_ok()) then
             n_sample = real(open%run%plan%n_sample, c_double)
             n_done = real(open%run%n_done, c_double)
             chunk = int(open%run%plan%chunk, c_int)
@@ -1139,12 +1139,12 @@ contains
         n_kept = 0
         n_next = 0
         call take_sweep(sweep, open, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             width = merge(0, kept_width(open%run), allocated(open%rounds%output))
             most = int(most_kept(open%run, open%rounds))
             call check_size("records", int(used(n_records, width*most), int64), width, most, status)
         end if
-        if (status%code == 0) then
+        if (status%is_ok()) then
             values(1:width, 1:most) => records
             call advance_sweep(open, int(threads), values, n_kept, status)
             n_done = real(open%run%n_done, c_double)
@@ -1168,9 +1168,9 @@ contains
         type(status_type) :: status
 
         call take_sweep(sweep, open, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             if (width /= kept_width(open%run)) call fail(status, status_bad_input, "records have another width")
-            if (status%code == 0) call take_kept(open, int(first, int64), records, status)
+            if (status%is_ok()) call take_kept(open, int(first, int64), records, status)
         end if
         call leave_sweep(sweep, open)
         call report(status, code, message)
@@ -1191,7 +1191,7 @@ contains
 
         length = 0
         call take_sweep(sweep, open, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call sweep_dataset(open%run, dataset)
             allocate (kept(0))
             if (kept_width(open%run) > 0) call kept_variables(open%run, dataset, kept)
@@ -1214,7 +1214,7 @@ contains
         type(dataset_type) :: dataset
 
         call take_sweep(sweep, open, status)
-        if (status%code == 0) then
+        if (status%is_ok()) then
             call sweep_dataset(open%run, dataset)
             call copy_numbers(dataset, reals, integers)
         end if
@@ -1230,7 +1230,7 @@ contains
         type(status_type) :: status
 
         call take_sweep(sweep, open, status)
-        if (status%code == 0) open%has_ended = has_ended /= 0
+        if (status%is_ok()) open%has_ended = has_ended /= 0
         call leave_sweep(sweep, open)
         status = status_type()
         call close_handle(sweep, "sweep", status)
