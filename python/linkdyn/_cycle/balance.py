@@ -20,7 +20,7 @@ from .._geometry.kinematics import LinkMotion, link_motion
 from .._geometry.turns import turned_on
 from ..errors import InputError
 from ..scene import Scene
-from .averages import good_samples, rms
+from .averages import good_samples, rms, shares
 from .shaking import inertia_wrench
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Balance:
     after: Vectors
     """(N, 3) force on the frame, world axes [N]."""
     weights: Vectors
-    """(N,) part of the cycle that each sample stands for; its two ends are one instant."""
+    """(N,) part of the time that each sample stands for in an rms value, as everywhere in the package."""
     turns: int
     """Of the crank in the run: a harmonic is so many waves a turn."""
     goal: str
@@ -160,7 +160,8 @@ def balance(
     Raises
     ------
     InputError
-        A link that is not hinged to the frame, an unknown goal, samples that failed, for harmonics a motion that does not come back to its beginning.
+        A link that is not hinged to the frame, an unknown goal, samples that failed, for harmonics a motion that does not come back to its beginning; a frame
+        that moves and accelerates the hinge of a counterweight, whose mass would count there besides mass times distance.
     """
     goal = as_known("balance: minimise", minimise, GOALS, "goal")
     hinged = _hinged(scene)
@@ -183,21 +184,22 @@ def balance(
         raise InputError("balance: the scene does not move (expected coordinates with a motion)")
     seen = link_motion(scene, run)
     motion = with_frame(seen, run, "balance")
+    _need_hinges_at_ease(motion, {name: hinged[name] for name in chosen})
     before = inertia_wrench(motion, run, np.zeros(3))[0]
     planes = [_across(hinged[name][2]) for name in chosen]
     effect = np.concatenate([_effect(motion, hinged[name][0], plane) for name, plane in zip(chosen, planes)], axis=2)
-    weights, above, turns = _parts(run.time.values), 0.0, _turns(seen, hinged, run.time.values)
+    above, turns = 0.0, _turns(seen, hinged, run.time.values)
     if goal == "harmonics":
         moments = _least_harmonics(run.time.values, before, effect, orders, turns)
     elif goal == "rms":
-        moments = _least_squares(before, effect, weights)
+        moments = _least_squares(before, effect, _parts(run.time.values))    # so that the best does not depend on where a cycle is cut open
     else:
         moments, above = _least_peak(before, effect)
     moments[np.abs(moments) < NOTHING * np.abs(moments).max()] = 0.0
     moment = np.stack([plane.T @ moments[2 * i : 2 * i + 2] for i, plane in enumerate(planes)]) + 0.0    # no -0, whose angle is -180 degrees
     after = before + effect @ moments
     pivots = np.stack([hinged[name][1] for name in chosen])
-    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, weights, turns, goal, above, _is_closed(before))
+    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, shares(run), turns, goal, above, _is_closed(before))
 
 
 def _orders(harmonics: Any) -> list[int]:
@@ -222,6 +224,18 @@ def _hinged(scene: Scene) -> dict[str, tuple[int, Vectors, Vectors]]:
         axis = np.array([0.0, 0.0, 1.0]) if scene.planar else np.array(marker["axis"])
         found[link["name"]] = (joint["links"][side], np.array(marker["at"]), axis / np.linalg.norm(axis))
     return found
+
+
+def _need_hinges_at_ease(motion: LinkMotion, hinged: dict[str, tuple[int, Vectors, Vectors]]) -> None:
+    """Refuse hinges that a moving frame accelerates: there the force of a counterweight is not by its mass moment alone, nor linear in it."""
+    if not motion.scene.description["frame_moves"]:
+        return
+    least = NOTHING * float(np.linalg.norm(motion.acceleration, axis=2).max())
+    for name, (number, pivot, _) in hinged.items():
+        if (most := float(np.linalg.norm(motion.of_point(number, pivot)[2], axis=1).max())) > least:
+            raise InputError(
+                f"balance: links: the motion of the frame accelerates the hinge of {name!r} by up to {most:.3g} m/s2, where a counterweight's mass counts besides its "
+                "mass times distance (expected a frame at rest: the scene without [frame.motion])")
 
 
 def _turns(motion: LinkMotion, hinged: dict[str, tuple[int, Vectors, Vectors]], time: Vectors) -> int:
