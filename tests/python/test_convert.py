@@ -1104,6 +1104,43 @@ def test_mutated_files(first, tmp_path):
                 conversion.scene()
 
 
+def test_repeated_parts_are_written_and_counted_each():
+    """Springs with `repeat`, a second one at a joint and threads of repeated screws were left out; what was told counted tables."""
+    scene = linkdyn.Scene({
+        "space": "spatial",
+        "frame": {"markers": {"A": {"at": [1, 0, 0], "repeat": 3, "about": "z"}}},
+        "link": [{"name": "arm#", "repeat": 3, "mass": 1, "inertia": [0.1, 0.1, 0.1, 0, 0, 0], "cog": [0.1, 0, 0], "markers": {"A": [0, 0, 0], "B": [0.2, 0, 0]}},
+                 {"name": "nut#", "repeat": 2, "mass": 1, "inertia": [0.1, 0.1, 0.1, 0, 0, 0], "markers": {"A": [0, 0, 0]}}],
+        "joint": [{"name": "J#", "repeat": 3, "type": "revolute", "between": ["frame.A#", "arm#.A"]},
+                  {"name": "S#", "repeat": 2, "type": "screw", "lead": "# * 10 mm", "between": ["arm#.B", "nut#.A"]}],
+        "coordinate": [{"joint": "J#", "repeat": 3, "start": 0.3}, {"joint": "S#", "repeat": 2, "start": 0.1}],
+        "actuator": [{"joint": "J#", "repeat": 3, "drive": {"ratio": 10, "efficiency": 0.9}, "law": {"type": "constant", "value": 0}}],
+        "spring": [{"name": "a", "repeat": 3, "joint": "J#", "stiffness": "# * 2 N*m/rad", "rest": "20 deg"},
+                   {"name": "b", "joint": "J1", "stiffness": 6, "damping": 0.5, "rest": -0.1},
+                   {"name": "c", "repeat": 2, "joint": "S#", "damping": "# N*m*s/rad"},
+                   {"name": "d", "repeat": 2, "joint": "J2", "force": "-1 N*m/rad * stretch"},
+                   {"name": "e", "repeat": 2, "between": ["frame.A#", "nut#.A"], "stiffness": 3},
+                   {"name": "f", "joint": "J3", "stiffness": -6, "rest": 0}],
+        "friction": [{"repeat": 3, "joint": "J#", "viscous": 0.1}],
+        "load": [{"on": "arm#.B", "repeat": 3, "force": [0, 0, 1]}],
+        "stop": [{"name": "s", "repeat": 2, "joint": "J#", "max": 3, "stiffness": 1e4}],
+        "payload": [{"on": "arm#.B", "repeat": 3, "mass": 1}],
+        "time": {"end": 1, "samples": 3},
+    })
+    conversion = linkdyn.convert(scene)
+    root = ElementTree.fromstring(conversion.text)
+    found = {joint.get("name"): tuple(float(joint.get(key, 0)) for key in ("stiffness", "damping", "springref")) for joint in root.iter("joint") if joint.get("type")}
+    rest = math.radians(20)
+    assert found["J1"] == pytest.approx((8, 0.5, (2 * rest - 6 * 0.1) / 8)) and found["J2"] == pytest.approx((4, 0, rest))
+    assert found["J3"] == (0, 0, 0)        # two springs whose sum is a constant torque
+    assert found["S1.angle"] == (0, 1, 0) and found["S2.angle"] == (0, 2, 0)
+    threads = {part.get("name"): numbers(part, "polycoef")[1] for part in root.findall("equality/joint")}
+    assert threads == pytest.approx({"S1_thread": 0.01 / (2 * math.pi), "S2_thread": 0.02 / (2 * math.pi)})
+    told = set(conversion.left_out)
+    assert {"6 spring(s)", "friction of 3 joint(s)", "3 load(s)", "2 stop(s)", "efficiency, brake or limits of 3 actuator(s)"} <= told
+    assert any(line.startswith("law(s) of 3 actuator(s)") for line in told)
+
+
 # ------------------------------------------------------------------------------------------------------------ the command
 @pytest.fixture()
 def command(tmp_path, monkeypatch, capsys):
@@ -1133,6 +1170,17 @@ def test_command(command, tmp_path):
     assert command("scene.toml", "-o", "robot.xml") == (2, "", "linkdyn: convert: 'robot.xml' is there already (expected another file, --output FILE, or --force)\n")
     assert command("scene.toml", "-o", "robot.xml", "--force", "-q") == (0, "", "")
     assert command("scene.toml", "-o", "-") == (0, Path("robot.xml").read_text(), "")
+
+
+def test_what_goes_to_the_terminal_is_told_beside_it(command):
+    """Of a file on standard output nothing was said of what it leaves out."""
+    code, text, told = command("fourbar.urdf", "-o", "-")
+    conversion = linkdyn.convert("fourbar.urdf")
+    assert (code, text) == (0, conversion.text) and len(conversion.left_out) > 7
+    lines = told.splitlines()
+    assert lines[0].split(maxsplit=2)[:2] == ["left", "out"] and len(lines) == len(conversion.left_out)
+    assert all(line.endswith(" ".join(item.split())) for line, item in zip(lines, conversion.left_out))
+    assert command("fourbar.urdf", "-o", "-", "-q") == (0, conversion.text, "")
 
 
 @pytest.mark.parametrize(("words_given", "told"), [

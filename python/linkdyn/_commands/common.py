@@ -10,7 +10,7 @@ from typing import NoReturn
 
 from .._printable import printable
 
-__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "draw_into_files", "emit", "refuse", "say"]
+__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "draw_into_files", "emit", "refuse", "say", "say_beside"]
 
 BAD_INPUT, SOME_FAILED = 2, 3
 """Exit statuses, as the executable has them."""
@@ -53,6 +53,11 @@ def refuse(message: str) -> int:
 def say(text: str) -> None:
     """Lines on standard output, whatever stands in names and titles."""
     emit(printable(text, has_lines=True) + "\n")
+
+
+def say_beside(text: str) -> None:
+    """The same on standard error: beside a file that goes to standard output."""
+    print(printable(text, has_lines=True), file=sys.stderr)
 
 
 def emit(text: str) -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from .common import Parser, emit, refuse, say
+from .common import Parser, emit, refuse, say, say_beside
+
+if TYPE_CHECKING:
+    from .._convert.convert import Conversion
 
 __all__ = ["convert_command", "parser"]
 
 DESCRIPTION = """\
 A scene of a robot in MJCF (read by MuJoCo, which must be installed: pip install 'linkdyn[mujoco]') or URDF; or MJCF of a scene, loops as equality
-constraints. Says, item by item, what was left out or taken for something else."""
+constraints. Says, item by item, what was left out or taken for something else; of what goes to the terminal, on standard error."""
 
 
 def parser() -> Parser:
@@ -43,6 +47,8 @@ def convert_command(arguments: Sequence[str]) -> int:
         return refuse(str(error))
     if options.output == "-":
         emit(found.text)
+        if found.left_out and not options.quiet:
+            say_beside(_left_out(found))
         return 0
     try:
         found._write(options.output, replaces=options.force)
@@ -52,6 +58,11 @@ def convert_command(arguments: Sequence[str]) -> int:
         return refuse(f"convert: {error}")
     if not options.quiet:
         say(f"  {'scene' if makes_scene else 'MJCF':16} {options.output}")
-        for k, line in enumerate(found.left_out):
-            say(f"  {'left out' if k == 0 else '':16} {line}")
+        if found.left_out:
+            say(_left_out(found))
     return 0
+
+
+def _left_out(found: Conversion) -> str:
+    """A line each."""
+    return "\n".join(f"  {'left out' if k == 0 else '':16} {line}" for k, line in enumerate(found.left_out))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections import deque
+from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -28,15 +29,14 @@ DOFS = {
 VARIABLES = {"cylindrical": ("angle", "slide"), "universal": ("angle1", "angle2"), "planar": ("x", "y", "angle"), "screw": ("angle", "slide")}
 LAST = ("fixed", "revolute", "spherical")
 """What the tree takes after all others, so that loops are cut there: MuJoCo has constraints for these."""
-SPRING = {"stiffness": "stiffness", "damping": "damping", "rest": "springref"}
-"""Keys of a spring at a joint variable, and MuJoCo's words for them."""
 LOSSES = ("efficiency", "back_efficiency", "brake", "torque_limit", "current_limit", "power_limit", "torque_curve")
 """Keys of a motor that MuJoCo's joints have nothing for."""
 RATES = ("velocity", "angular_rate", "angular_rates", "angular_velocity")
 TELL = {
-    "load": "load(s)", "spring": "spring(s)", "friction": "friction of {} joint(s)", "event": "event(s)", "stop": "stop(s)", "clutch": "clutch(es)", "controller": "controller(s)", "sweep": "the sweep", "time": None,
-    "measures": None, "laws": None, "variables": None, "include": None,
+    "load": "{} load(s)", "spring": "{} spring(s)", "friction": "friction of {} joint(s)", "event": "{} event(s)", "stop": "{} stop(s)",
+    "clutch": "{} clutch(es)", "controller": "{} controller(s)",
 }  # fmt: skip
+"""Tables of a scene that have no place in the file, and what is said of so many parts."""
 
 
 def as_mjcf(scene: Scene) -> tuple[str, list[str]]:
@@ -65,8 +65,9 @@ class _Writer:
         self.named: set[str] = set()
         """Joint variables that the file has."""
         self.content = tomllib.loads(scene.text)
-        self.leads, self.springs = self._read_numbers()
-        self.n_springs = len(self.springs)
+        self.springs = self._springs_at_joints()
+        self.n_written = 0
+        """Springs that the file has."""
 
     def written(self) -> tuple[str, list[str]]:
         root = Element("mujoco", model=self.scene.title or "linkdyn")
@@ -154,7 +155,7 @@ class _Writer:
             if kind != "ball":
                 keys |= {"axis": _text(place[1].T @ axis * (-1 if is_reversed else 1)), "ref": repr(float(value))}
                 self.named.add(name)
-                keys |= self.springs.pop(name, {})
+                keys |= self._spring(name)
                 if (motor := self._rotor(joint["name"] if joint["type"] == "screw" and kind == "hinge" else name)) > 0:
                     keys["armature"] = repr(motor)
             add(body, "joint", **keys)
@@ -186,31 +187,29 @@ class _Writer:
 
     def _add_thread(self, joint: dict[str, Any]) -> None:
         """A screw's slide follows its angle."""
-        if joint["name"] not in self.leads:
-            self.left_out.append(f"joint '{joint['name']}': its thread, which is one of several")
-            return
         add(self.equality, "joint", name=f"{joint['name']}_thread", joint1=f"{joint['name']}.slide", joint2=f"{joint['name']}.angle",
-            polycoef=_text([0.0, self.leads[joint["name"]] / (2 * math.pi), 0, 0, 0]))
+            polycoef=_text([0.0, joint["lead"] / (2 * math.pi), 0, 0, 0]))
 
-    def _read_numbers(self) -> tuple[dict[str, float], dict[str, dict[str, str]]]:
-        """Leads of screws, and attributes of springs at joint variables, by their names: numbers in SI, which the reader has for variables."""
-        leads = {part["name"]: part["lead"] for part in self.content.get("joint", []) if part["type"] == "screw" and "repeat" not in part}
+    def _springs_at_joints(self) -> dict[str, list[dict[str, Any]]]:
+        """By the names that joint variables have in the file. A ball's have none; a force that is no straight line over the stretch has no place."""
         kinds = {joint["name"]: joint["type"] for joint in self.joints}
-        springs: dict[str, dict[str, Any]] = {}
-        for spring in self.content.get("spring", []):
-            name = f"{spring['joint']}.{spring['variable']}" if "variable" in spring else spring.get("joint", "")
-            if kinds.get(name) in VARIABLES and kinds[name] == "screw":
-                name += ".angle"
-            if name and name not in springs and not {"repeat", "force"} & set(spring):
-                springs[name] = {word: spring[key] for key, word in SPRING.items() if key in spring}
-        wanted = [*leads.values(), *(value for keys in springs.values() for value in keys.values())]
-        names = [f"linkdyn_{k}" for k in range(len(wanted))]
-        found: dict[str, float] = {}
-        if wanted:
-            told = Scene(self.content | {"variables": self.content.get("variables", {}) | dict(zip(names, wanted))}, self.scene.folder)
-            found = {variable["name"]: float(variable["value"]) for variable in told.description["variables"]}
-        numbers = iter([found[name] for name in names])
-        return ({name: next(numbers) for name in leads}, {name: {word: repr(next(numbers)) for word in keys} for name, keys in springs.items()})
+        found: dict[str, list[dict[str, Any]]] = {}
+        for spring in self.scene.description["springs"]:
+            if (joint := spring["joint"]) and not spring["has_force"]:
+                found.setdefault(f"{joint}.{spring['variable']}" if kinds.get(joint) in VARIABLES else joint, []).append(spring)
+        return found
+
+    def _spring(self, name: str) -> dict[str, str]:
+        """Attributes of the springs at a joint variable: side by side they are as stiff as their sum, about a rest between theirs."""
+        springs = self.springs.get(name, [])
+        stiffness, damping = (sum(spring[key] for spring in springs) for key in ("stiffness", "damping"))
+        first = springs[0]["rest"] if springs else 0.0
+        pull = sum(spring["stiffness"] * (spring["rest"] - first) for spring in springs)
+        if stiffness == 0 and pull != 0:        # a constant force is left of them
+            return {}
+        self.n_written += len(springs)
+        rest = first + pull / stiffness if stiffness != 0 else 0.0
+        return {key: repr(float(value)) for key, value in (("stiffness", stiffness), ("damping", damping), ("springref", rest)) if value != 0}
 
     # ---------------------------------------------------------------------------------------------------------------- loops
     def _cut(self, joint: dict[str, Any]) -> None:
@@ -301,14 +300,16 @@ class _Writer:
 
     def _tell(self) -> None:
         content = self.content
-        written = self.n_springs - len(self.springs)
         for key, words in TELL.items():
-            n = len(content.get(key, [])) - (written if key == "spring" else 0)
-            if n > 0 and words:
-                self.left_out.append(words.format(n) if "{}" in words or key == "sweep" else f"{n} {words}")
-        if n := sum("law" in part for part in content.get("actuator", [])):
+            n = len(self.scene.description["springs"]) - self.n_written if key == "spring" else _n_parts(content.get(key, []))
+            if n > 0:
+                self.left_out.append(words.format(n))
+        if "sweep" in content:
+            self.left_out.append("the sweep")
+        actuators = content.get("actuator", [])
+        if n := _n_parts(part for part in actuators if "law" in part):
             self.left_out.append(f"law(s) of {n} actuator(s): MuJoCo takes forces from its controls")
-        if n := sum(bool(set(part.get("drive", {})) & set(LOSSES)) for part in content.get("actuator", [])):
+        if n := _n_parts(part for part in actuators if set(part.get("drive", {})) & set(LOSSES)):
             self.left_out.append(f"efficiency, brake or limits of {n} actuator(s)")
         if n := len(self.scene.description["cylinders"]):
             self.left_out.append(f"cylinder(s) of {n} actuator(s): areas, pressures, valves")
@@ -320,6 +321,11 @@ class _Writer:
             self.left_out.append("the motion of the frame")
         if self.scene.description["payloads"]:
             self.left_out.append("payloads are parts of their links, as they are at the start")
+
+
+def _n_parts(tables: Iterable[dict[str, Any]]) -> int:
+    """How many parts tables stand for: each as often as it is repeated, with images twice as often."""
+    return sum(table.get("repeat", len(table.get("angles", [0]))) * (2 if "mirror" in table else 1) for table in tables)
 
 
 def add(parent: Element, tag: str, **keys: str) -> Element:
