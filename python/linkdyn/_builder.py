@@ -10,10 +10,10 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from ._arguments import as_known, as_path
+from ._arguments import as_known, as_path, quoted_name
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Cylinder, Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
+from ._words import Cylinder, Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, n_copies, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:
@@ -32,12 +32,35 @@ PLACE = re.compile(r"scene\['(\w+)'\](?:\[(\d+)\])?")
 class Link(Named):
     """A link that is being built; ``link["A"]`` is its marker A wherever one is wanted."""
 
+    _may_have_more = False
+    """Markers that do not stand here."""
+
     def __init__(self, name: str, table: Table) -> None:
         self.name = name
         self._table = table
 
     def __getitem__(self, marker: str) -> str:
+        """A marker that is there, as "link.marker"; of repeated ones "A1" is the first, and "A#" that of a part's own copy.
+
+        Raises
+        ------
+        InputError
+            The link has none of that name.
+        """
+        if not (self._may_have_more or isinstance(marker, str) and "#" in marker):
+            as_known(f"link {quoted_name(self.name)}", marker, self._markers(), "marker")
         return f"{self.name}.{marker}"
+
+    def _markers(self) -> list[str]:
+        """Their names, a repeated one's with the numbers of its copies."""
+        names: list[str] = []
+        for name, spec in self._table.get("markers", {}).items():
+            if not isinstance(spec, Mapping) or not {"repeat", "angles", "mirror"} & set(spec):
+                names.append(name)
+                continue
+            numbers = map(str, range(1, n_copies(spec) + 1))
+            names += [name.replace("#", number) if "#" in name else name + number for number in numbers]
+        return names
 
     def __repr__(self) -> str:
         return f"<linkdyn link {self.name!r}: markers {', '.join(self._table.get('markers', {})) or 'none'}>"
@@ -68,11 +91,15 @@ class Link(Named):
         """
         spec = table_of({key: value for key, value in locals().items() if key not in ("self", "name")})
         self._table.setdefault("markers", {})[name] = spec if len(spec) > 1 else spec["at"]
-        return self[name]
+        return f"{self.name}.{name}"
 
 
 class Frame(Link):
-    """The fixed link."""
+    """The fixed link; files that are included may have markers of it."""
+
+    def __init__(self, table: Table, may_have_more: bool = False) -> None:
+        super().__init__("frame", table)
+        self._may_have_more = may_have_more
 
     def motion(self, *, table: str | os.PathLike[str] | None = None, time: str | None = None, interpolation: Literal["spline", "linear"] | None = None,
                x: Law | None = None, y: Law | None = None, z: Law | None = None, roll: Law | None = None, pitch: Law | None = None,
@@ -142,7 +169,7 @@ class Builder:
         self._content: Table = {key: plain(value) for key, value in locals().items() if key != "self" and value is not None}
         self._places: dict[tuple[str, int], str] = {}
         self._folder: str | os.PathLike[str] | None = None
-        self.frame = Frame("frame", {})
+        self.frame = Frame({}, include is not None)
 
     @classmethod
     def of(cls, source: Scene | Mapping[str, Any] | str | os.PathLike[str]) -> Builder:
@@ -161,7 +188,7 @@ class Builder:
         else:
             scene = source if isinstance(source, Scene) else Scene(source)
             builder._content, builder._folder = tomllib.loads(scene.text), scene.folder
-        builder.frame = Frame("frame", builder._content.pop("frame", {}))
+        builder.frame = Frame(builder._content.pop("frame", {}), "include" in builder._content)
         return builder
 
     def __getitem__(self, name: str) -> Link:

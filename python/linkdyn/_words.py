@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Brake", "Drive", "Law", "LegLink", "Marker", "Named", "Quantity", "Stiffness", "Table", "Vector", "plain", "table_of"]
+__all__ = ["Brake", "Drive", "Law", "LegLink", "Marker", "Named", "Quantity", "Stiffness", "Table", "Vector", "n_copies", "plain", "table_of"]
 
 Quantity: TypeAlias = float | str | np.number[Any]
 """A number in SI units and radians, or a text: "60 rpm", "L/2 + 12 mm"."""
@@ -134,6 +134,12 @@ class WordLink(TypedDict, total=False):
 def table_of(keys: Mapping[str, Any]) -> Table:
     """Arguments of a function as a table of the scene file: what is None is left out, ``from_`` is the key ``from``."""
     return {"from" if key == "from_" else key: plain(value) for key, value in keys.items() if value is not None}
+
+
+def n_copies(table: Mapping[str, Any]) -> int:
+    """How many parts a table stands for: as many as `repeat` says, else one for each of its `angles`; with images twice as many."""
+    n: int = table.get("repeat", len(table.get("angles", [0])))
+    return n * (2 if "mirror" in table else 1)
 
 
 def plain(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -150,6 +151,13 @@ def sixbar():
 @pytest.fixture(scope="module")
 def turn(sixbar):
     return sixbar.inverse()
+
+
+@pytest.mark.parametrize(("q", "got"), [([0.1, 0.2], "(2,)"), ([[0.1]], "(1, 1)"), (0.1, "()")])
+def test_the_pose_of_a_mechanism_has_a_number_for_each_coordinate(q, got):
+    """What was wrong was told of an array that nobody gave, of shape (1, 2) where (N, 1) was expected."""
+    with pytest.raises(linkdyn.InputError, match=re.escape(f"mechanism: q: expected shape (1,) for one pose (A), got {got}")):
+        plot.mechanism(linkdyn.new("four-bar"), q=q)
 
 
 def test_names_of_a_planar_mechanism_do_not_overlap(sixbar):

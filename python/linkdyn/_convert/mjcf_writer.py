@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections import deque
-from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -13,6 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from .._pose import quaternion_of
+from .._words import n_copies
 from ..errors import InputError
 from ..scene import Scene
 from .robot import Array
@@ -301,15 +301,15 @@ class _Writer:
     def _tell(self) -> None:
         content = self.content
         for key, words in TELL.items():
-            n = len(self.scene.description["springs"]) - self.n_written if key == "spring" else _n_parts(content.get(key, []))
+            n = len(self.scene.description["springs"]) - self.n_written if key == "spring" else sum(map(n_copies, content.get(key, [])))
             if n > 0:
                 self.left_out.append(words.format(n))
         if "sweep" in content:
             self.left_out.append("the sweep")
         actuators = content.get("actuator", [])
-        if n := _n_parts(part for part in actuators if "law" in part):
+        if n := sum(n_copies(part) for part in actuators if "law" in part):
             self.left_out.append(f"law(s) of {n} actuator(s): MuJoCo takes forces from its controls")
-        if n := _n_parts(part for part in actuators if set(part.get("drive", {})) & set(LOSSES)):
+        if n := sum(n_copies(part) for part in actuators if set(part.get("drive", {})) & set(LOSSES)):
             self.left_out.append(f"efficiency, brake or limits of {n} actuator(s)")
         if n := len(self.scene.description["cylinders"]):
             self.left_out.append(f"cylinder(s) of {n} actuator(s): areas, pressures, valves")
@@ -321,11 +321,6 @@ class _Writer:
             self.left_out.append("the motion of the frame")
         if self.scene.description["payloads"]:
             self.left_out.append("payloads are parts of their links, as they are at the start")
-
-
-def _n_parts(tables: Iterable[dict[str, Any]]) -> int:
-    """How many parts tables stand for: each as often as it is repeated, with images twice as often."""
-    return sum(table.get("repeat", len(table.get("angles", [0]))) * (2 if "mirror" in table else 1) for table in tables)
 
 
 def add(parent: Element, tag: str, **keys: str) -> Element:

@@ -102,8 +102,9 @@ def _as_curve(name: str, value: Any) -> np.ndarray:
     return as_floats(name, value, (None, 2), "(N, 2)")
 
 
-def _as_coordinates(name: str, value: Any) -> np.ndarray:
-    return as_floats(name, value, (None,), "(n,)")
+def _as_coordinates(name: str, value: Any) -> Any:
+    """Checked by what knows the scene, and with it how many there are."""
+    return value
 
 
 def _as_axes(name: str, value: Any) -> Any:

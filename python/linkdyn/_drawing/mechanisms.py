@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike, NDArray
 
+from .._arguments import as_floats
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures
 from ..errors import InputError
 from ..scene import Scene
@@ -56,9 +57,10 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
     Raises
     ------
     InputError
-        The mechanism cannot be assembled at ``q``.
+        ``q`` is not a finite number for each coordinate; the mechanism cannot be assembled there.
     """
-    position = scene.motion()[0][0] if q is None else np.asarray(q)
+    n = len(scene.coordinates)
+    position = scene.motion()[0][0] if q is None else as_floats("mechanism: q", q, (n,), f"({n},) for one pose ({', '.join(scene.coordinates)})")
     postures, assembled = find_postures(scene, scene.poses(np.atleast_2d(position), in_order=False))
     if not assembled[0]:
         why = _failure(scene, position)
