@@ -122,7 +122,8 @@ module linkdyn_options
             //"the summary says so"), &
         option_type("--want", "", "LIST", forward, &
             "driving_force, reaction, joint_variable, power (with energies), checks, friction, motor, controller, clutch, " &
-            //"cylinder, or all (default), with commas between; the rest is not computed"), &
+            //"cylinder, or all of these (default); and rcond, which takes longer; with commas between; what is not named is " &
+            //"not computed"), &
         option_type("--want", "", "LIST", generate, &
             "driving_force, reaction, joint_variable, position, velocity (the last two of kinematics only) or all (if none is " &
             //"named: driving_force of inverse, all of kinematics, of forward nothing beside qdd)"), &

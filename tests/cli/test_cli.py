@@ -296,6 +296,16 @@ def test_a_command_takes_the_options_of_its_help_and_no_other(tmp_path):
                 refused(result, f"'{option}'", f"linkdyn {command}", f"linkdyn {owners[0]}")
 
 
+@pytest.mark.parametrize("command", ["inverse", "forward"])
+def test_help_names_every_result_that_a_run_may_want(command):
+    """`forward --want rcond` was there, and nowhere said."""
+    told = re.search(r"--want LIST(.*?)\n  -", run(command, "--help").stdout, re.S)[1]
+    results = re.findall(r"\w+", re.search(r"expected (.*) or all", run(command, "none.toml", "--want", "none").stderr)[1])
+    taken = {name for name in results if "is not a result of" not in run(command, "none.toml", "--want", name).stderr}
+    elsewhere = {"inverse": {"controller", "clutch", "cylinder"}, "forward": set()}[command]      # taken, and nothing there
+    assert "rcond" in taken and taken - elsewhere == {word for word in re.findall(r"\w+", told) if word in results}
+
+
 def test_inverse_writes_netcdf_named_after_the_scene(tsai_file, tmp_path):
     result = run("inverse", tsai_file, cwd=tmp_path)
     assert result.returncode == DONE and result.stderr == ""

@@ -434,9 +434,14 @@ def test_gas_flows_are_told_in_one_volume() -> None:
     np.testing.assert_allclose(found.head_flow, flow, rtol=1e-9)
     np.testing.assert_allclose(found.rod_flow, -101325 * area * speed / 1e5, rtol=1e-9)
     np.testing.assert_allclose(found.hydraulic_power, 1e5 * flow * np.log(pressure / 101325), rtol=1e-9)
-    assert found.attrs["has_gas"] == 1 and "at 1 bar" in found.head_flow.attrs["long_name"] and found.peak_flow > 3 * area * speed
+    assert found.attrs["has_gas"] == found.attrs["flows_known"] == 1 and "at 1 bar" in found.head_flow.attrs["long_name"] and found.peak_flow > 3 * area * speed
     unknown = scene.inverse(q=run.q.values).linkdyn.cylinder("A", scene=scene)      # poses on their own do not tell how pressures change
     assert np.isnan(unknown.head_flow).all() and not np.isnan(unknown.head_pressure).any()
+    one_place = scene.inverse(q=run.q.values, t=np.zeros(41)).linkdyn.cylinder("A", scene=scene)       # nor do poses at one instant
+    for poses in (unknown, one_place, scene.inverse(want="driving_force,power").linkdyn.cylinder("A", scene=scene)):
+        assert poses.attrs["flows_known"] == 0 and np.isnan([poses.peak_flow, poses.mean_flow]).all() and np.isnan(poses.hydraulic_power).all()
+    oil = scene.inverse(q=run.q.values, qd=run.qd.values).linkdyn.cylinder("A", bore=bore)
+    assert oil.attrs["flows_known"] == 1 and np.isfinite(oil.head_flow).all()
 
 
 def test_gas_flows_are_those_of_a_forward_run_with_such_pressures() -> None:

@@ -137,8 +137,8 @@ def cylinder(
     does not push stands under the tank's pressure; so the other has what the force asks for, which is the least.
 
     Flows of oil are the volumes that the piston sweeps. Flows of gas (``gas`` of the scene's cylinder) are told in the volume at 1 bar, by which valves and
-    compressors are chosen, in every run: p_r Q = p A v + V p'/n with the absolute pressure p, its rate by differences of fourth order over the samples. Without
-    instants, or the joint variables, they are not known. Its power is the air power, p_r Q ln(p/p_tank) (Cai, Kawashima, Kagawa, J. Fluids Eng. 128 (2006) 402-405):
+    compressors are chosen, in every run: p_r Q = p A v + V p'/n with the absolute pressure p, its rate by differences of fourth order over the samples. A
+    sample on its own does not tell that rate, which is the force's: without increasing instants, or without the joint variables, flows and power are NaN. Its power is the air power, p_r Q ln(p/p_tank) (Cai, Kawashima, Kagawa, J. Fluids Eng. 128 (2006) 402-405):
     the work that the gas could do on its way to the tank's pressure, at one temperature.
 
     Parameters
@@ -165,7 +165,7 @@ def cylinder(
         both, above the tank's pressure. Of the whole ``peak_pressure`` [Pa], ``peak_flow``, ``mean_flow`` [m^3/s] out of the supply, ``stroke`` [m]
         and ``stroke_volume`` [m^3] where the joint variables are among the results. ``attrs["above_supply"]``: samples beyond the supply; ``attrs["beyond_stroke"]``: samples
         with the slide beyond the ends of the scene's cylinder; ``attrs["pressures_found"]``: 1 where the pressures are states of the run;
-        ``attrs["has_gas"]``: 1 where flows are in the volume that the gas has at 1 bar.
+        ``attrs["has_gas"]``: 1 where flows are in the volume that the gas has at 1 bar; ``attrs["flows_known"]``: 0 where they are NaN for want of rates.
 
     Raises
     ------
@@ -247,12 +247,17 @@ def _asked(run: xr.Dataset, actuator: str, areas: tuple[float, float], tank: flo
 def _filled(run: xr.Dataset, actuator: str, sides: _Sides, areas: tuple[float, float], stroke: tuple[float, float], own: dict[str, Any]) -> _Sides:
     """The same of gas: what fills the chambers, where the samples tell how fast their pressures change."""
     slide = slide_of(run, actuator)
-    if slide is None or "time" not in run.coords or run.sizes["sample"] < 2 or not (np.diff(run.time.values) > 0).all():
+    if slide is None or not _follow_each_other(run):
         unknown = np.full(len(sides.head), np.nan)
         return _Sides(sides.head, sides.ring, unknown, unknown)
     flows = [filling_flow(pressure, _slope(run.time.values, pressure), volume, swept, own["exponent"]) for pressure, volume, swept in zip(
         (sides.head, sides.ring), chamber_volumes(slide, areas, stroke, own["dead_volumes"]), (sides.head_flow, sides.rod_flow))]
     return _Sides(sides.head, sides.ring, *flows)
+
+
+def _follow_each_other(run: xr.Dataset) -> bool:
+    """Do the samples tell rates by their differences?"""
+    return "time" in run.coords and run.sizes["sample"] > 1 and bool((np.diff(run.time.values) > 0).all())
 
 
 def _states(run: xr.Dataset, actuator: str) -> _Sides:
@@ -288,6 +293,7 @@ def _figures(
     if supply is not None:
         attributes["above_supply"] = int(np.count_nonzero(beyond_supply(pressure[good], as_positive("cylinder: supply", supply))))
     slide = slide_of(run, actuator)
+    attributes["flows_known"] = int(not has_gas or is_found or (slide is not None and _follow_each_other(run)))
     if slide is not None:
         way = np.ptp(slide[good]) if good.any() else np.nan
         whole["stroke"] = (way, "m", "way between both ends of the motion")
