@@ -153,6 +153,17 @@ def turn(sixbar):
     return sixbar.inverse()
 
 
+def test_a_slot_is_named_once():
+    """Its block and pin, which the engine has besides, stood beside it under names that nobody gave."""
+    scene = linkdyn.new("quick-return")
+    figure, axis = plot.mechanism(scene)
+    texts = [name for text in axis.texts for name in text.get_text().split(", ")]
+    plt.close(figure)
+    description, _ = view_data.describe(scene.inverse(), scene, kinds=())
+    for names in (texts, [name for entry in description["names"] for name in entry[0].split(", ")]):
+        assert names.count("slot") == 1 and not any(name.startswith("slot.") for name in names)
+
+
 @pytest.mark.parametrize(("q", "got"), [([0.1, 0.2], "(2,)"), ([[0.1]], "(1, 1)"), (0.1, "()")])
 def test_the_pose_of_a_mechanism_has_a_number_for_each_coordinate(q, got):
     """What was wrong was told of an array that nobody gave, of shape (1, 2) where (N, 1) was expected."""

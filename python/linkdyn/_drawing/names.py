@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Room", "list_of", "sampled"]
+__all__ = ["Room", "list_of", "parts_of_slots", "sampled"]
 
 Points = NDArray[np.float64]
 
@@ -68,6 +70,14 @@ class Room:
 def list_of(names: list[str]) -> str:
     """Names of what lies in one place."""
     return ", ".join(names) if len(names) <= 3 else f"{names[0]} ... {names[-1]}"
+
+
+def parts_of_slots(description: dict[str, Any]) -> set[str]:
+    """Blocks and pins of a scene's slots: the engine has them besides the slide that goes by the slot's name, and that is named."""
+    slides = {joint["name"] for joint in description["joints"] if joint["type"] == "prismatic"}
+    blocks = {link["name"] for link in description["links"]}
+    slots = {name for name in slides if f"{name}.block" in blocks}
+    return {f"{name}.{part}" for name in slots for part in ("block", "pin")}
 
 
 def sampled(corners: Points, step: float) -> Points:

@@ -15,7 +15,7 @@ from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.springs import acts_along, ends_of, shape_of
 from .._geometry.telescopes import is_telescope
 from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
-from .names import Room, list_of, sampled
+from .names import Room, list_of, parts_of_slots, sampled
 from .style import COLOURS, FRAME_COLOUR
 
 if TYPE_CHECKING:
@@ -366,7 +366,8 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
     """Each name where it is farthest from lines and joints, and on no other name; a cylinder has one name."""
     told = {cylinder.name: 0.5 * (cylinder.foot + cylinder.head) for cylinder in cylinders}
     hidden = {link for cylinder in cylinders for link in cylinder.joint["links"]}
-    joints = [joint for joint in posture.scene.description["joints"] if joint["name"].rpartition(".")[0] not in told and joint["name"] not in told]
+    of_slots = parts_of_slots(posture.scene.description)
+    joints = [joint for joint in posture.scene.description["joints"] if joint["name"].rpartition(".")[0] not in told and joint["name"] not in {*told, *of_slots}]
     gathered: dict[tuple[float, ...], list[str]] = {}
     for joint in joints:
         point = pitch_point(posture, joint)[:2] if is_geared(joint) else _ends(posture, joint)[1]
@@ -378,10 +379,11 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
     springs = (spring for spring in posture.scene.description["springs"] if acts_along(spring) and shape_of(posture, spring, unit))
     anchors += [(spring["name"], ends_of(posture, spring)[:, :2].mean(axis=0), WIRE, False) for spring in springs]
     for k, markers in enumerate(posture.markers[1:], start=1):
-        if k in hidden or not markers:
+        name = posture.scene.description["links"][k]["name"]
+        if k in hidden or name in of_slots or not markers:
             continue
         corners = _corners(markers, jointed(posture, k))
-        anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
+        anchors.append((name, corners.mean(axis=0), link_colour(k), True))
     taken = np.concatenate([sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])
     for patch in ax.patches:
         if isinstance(patch, Polygon) and patch.get_gid() == SOLID:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._cycle.averages import need_order
 from .._drawing.forces import Forces, find_forces
+from .._drawing.names import parts_of_slots
 from .._drawing.style import COLOURS, readable
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
@@ -270,7 +271,10 @@ def _names(scene: Scene, postures: Postures, sample: int, extent: float) -> list
     """[text, is it a link's, places [link, x, y, z] whose middle it stands at]; those of a chain ("leg1.U", ...) as one."""
     gathered: dict[Any, tuple[list[str], list[list[Any]]]] = {}
     geared: list[list[Any]] = []
+    of_slots = parts_of_slots(scene.description)
     for joint in scene.description["joints"]:
+        if joint["name"] in of_slots:
+            continue
         if is_geared(joint):
             geared.append([joint["name"], False, [joint["carrier"], *joint["pitch"]]])
             continue
