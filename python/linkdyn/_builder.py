@@ -52,14 +52,13 @@ class Link(Named):
         return f"{self.name}.{marker}"
 
     def _markers(self) -> list[str]:
-        """Their names, a repeated one's with the numbers of its copies."""
+        """Their names; a repeated one's as it is written, and with the numbers of its copies."""
         names: list[str] = []
         for name, spec in self._table.get("markers", {}).items():
-            if not isinstance(spec, Mapping) or not {"repeat", "angles", "mirror"} & set(spec):
-                names.append(name)
-                continue
-            numbers = map(str, range(1, n_copies(spec) + 1))
-            names += [name.replace("#", number) if "#" in name else name + number for number in numbers]
+            names.append(name)
+            if isinstance(spec, Mapping) and {"repeat", "angles", "mirror"} & set(spec):
+                numbers = map(str, range(1, n_copies(spec) + 1))
+                names += [name.replace("#", number) if "#" in name else name + number for number in numbers]
         return names
 
     def __repr__(self) -> str:
