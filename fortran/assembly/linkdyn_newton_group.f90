@@ -102,18 +102,24 @@ contains
         do i = 1, size(group%joint)
             associate (kind => model%joint(group%joint(i))%kind)
                 n = n_transmitted(kind, model%is_planar)
-                ! a thread's comes last
+                ! a thread's comes last; a given angle says its slide and its turn
                 if (is_threaded(kind)) n = n - [1, 0]
                 is(row + 1:row + sum(n)) = [(k <= n(1), k=1, sum(n))]
                 row = row + sum(n)
                 if (is_threaded(kind)) then
-                    row = row + 1
-                    is(row) = .true.
+                    if (group%coordinate(1, i) == 0) then
+                        is(row + 1) = .true.
+                        row = row + 1
+                    else
+                        is(row + 1:row + 2) = [.true., .false.]
+                        row = row + 2
+                    end if
+                    cycle
                 end if
                 do k = 1, 3
                     if (group%coordinate(k, i) == 0) cycle
                     row = row + 1
-                    is(row) = is_slide(kind, k) .or. is_threaded(kind)
+                    is(row) = is_slide(kind, k)
                 end do
             end associate
         end do

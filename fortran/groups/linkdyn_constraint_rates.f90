@@ -18,7 +18,7 @@ module linkdyn_constraint_rates
         operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: body_state, constraint_type, constraints_of_joint, constraint_of_variable
+    public :: body_state, constraint_type, constraints_of_joint, constraints_of_variable
     public :: errors_of, velocities_of, accelerations_of
 
     !> Place and motion of a body, world axes; symbols of a free one, or what is put in their place.
@@ -37,10 +37,11 @@ module linkdyn_constraint_rates
 
 contains
 
-    !> Those of a joint.
-    function constraints_of_joint(mechanism, j) result(constraint)
+    !> Those of a joint, but for what its variable says where that is given.
+    function constraints_of_joint(mechanism, j, is_given) result(constraint)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j
+        logical, intent(in) :: is_given                !! a variable of it is
         type(constraint_type) :: constraint
         type(rate_map) :: rates
         type(marker_pair) :: pair
@@ -49,6 +50,7 @@ contains
 
         call add_free_pair(mechanism, j, .false., constraint, rates, pair)
         constraint%c = mechanism%kind(j)%is%constraints(pair)
+        if (is_given) constraint%c = constraint%c(:size(constraint%c) - mechanism%kind(j)%is%n_implied())
         still = mechanism%kind(j)%is%standing(pair)
         do k = 1, size(still)
             call set_rate(rates, still(k), zero())
@@ -74,9 +76,9 @@ contains
         end associate
     end subroutine turn_in_plane
 
-    !> That of a joint variable which is coordinate k, or led by gears as number k. Of an angle's difference full turns do not
+    !> Those of a joint variable which is coordinate k, or led by gears as number k. Of an angle's difference full turns do not
     !> count; of joints that lead, those nearest to their starts.
-    function constraint_of_variable(mechanism, j, variable, k, leader, weight) result(constraint)
+    function constraints_of_variable(mechanism, j, variable, k, leader, weight) result(constraint)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j, variable, k
         integer, intent(in) :: leader(:)               !! joints of the same group that lead it
@@ -96,11 +98,11 @@ contains
             given = given + weight(i)*variable_near_start(mechanism, leader(i), other)
         end do
         associate (kind => mechanism%kind(j)%is)
-            constraint%c = [kind%variable_constraint(pair, variable, given)]
+            constraint%c = kind%variable_constraints(pair, variable, given)
             call differentiate(constraint, rates)
             if (kind%wraps(variable)) constraint%c = [atan2(sin(constraint%c(1)), cos(constraint%c(1)))]
         end associate
-    end function constraint_of_variable
+    end function constraints_of_variable
 
     !> The variable of a hinge or slide by its markers; of angles that differ by full turns the nearest to that of the start.
     function variable_near_start(mechanism, j, pair) result(q)

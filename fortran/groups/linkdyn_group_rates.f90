@@ -5,8 +5,8 @@
 module linkdyn_group_rates
     use linkdyn_bodies, only: in_two_axes, world_axes, set_vector, forget_vector, omega_of, alpha_of, rotation_of, &
         acceleration_of_origin
-    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, errors_of, &
-        velocities_of, accelerations_of
+    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraints_of_variable, &
+        errors_of, velocities_of, accelerations_of
     use linkdyn_mechanism, only: mechanism_type, watch
     use linkdyn_model, only: leads_within
     use linkdyn_system, only: system_type, unknown, require, solve, solved
@@ -46,12 +46,12 @@ contains
         n = 0
         do i = 1, size(joint)
             n = n + 1
-            constraints%of(n) = constraints_of_joint(mechanism, joint(i))
+            constraints%of(n) = constraints_of_joint(mechanism, joint(i), any(coordinate(:, i) > 0))
             do k = 1, 3
                 if (coordinate(k, i) == 0) cycle
                 n = n + 1
                 call find_leaders(coordinate(k, i))
-                constraints%of(n) = constraint_of_variable(mechanism, joint(i), k, coordinate(k, i), leader, weight)
+                constraints%of(n) = constraints_of_variable(mechanism, joint(i), k, coordinate(k, i), leader, weight)
             end do
         end do
 

@@ -42,7 +42,8 @@ module linkdyn_joint_kind
         procedure(shift_interface), deferred :: shift
         procedure(variables_interface), deferred :: variables
         procedure :: standing
-        procedure :: variable_constraint
+        procedure :: variable_constraints
+        procedure :: n_implied
         procedure :: axis_side
         procedure :: drive_axis
         procedure :: rates
@@ -101,17 +102,24 @@ contains
     end function standing
 
     !> What vanishes while a variable is q. Of an angle that wraps full turns do not count.
-    function variable_constraint(self, pair, k, q) result(c)
+    function variable_constraints(self, pair, k, q) result(c)
         class(joint_kind), intent(in) :: self
         type(marker_pair), intent(in) :: pair
         integer, intent(in) :: k               !! which variable
         type(value), intent(in) :: q           !! [m, rad]
-        type(value) :: c
+        type(value), allocatable :: c(:)
         type(value), allocatable :: all(:)
 
         all = self%variables(pair)
-        c = all(k) - q
-    end function variable_constraint
+        c = [all(k) - q]
+    end function variable_constraints
+
+    !> How many of the joint's own constraints, the last ones, say nothing more where its variable is given.
+    pure integer function n_implied(self)
+        class(joint_kind), intent(in) :: self
+
+        n_implied = merge(1, 0, self%is_threaded)
+    end function n_implied
 
     !> Whose marker has the axis about or along which a variable moves the second link: there a drive, a spring, a
     !> damper acts.

@@ -14,7 +14,7 @@ module linkdyn_screw
         procedure :: constraints
         procedure :: shift
         procedure :: variables
-        procedure :: variable_constraint
+        procedure :: variable_constraints
     end type screw
 
     type, extends(screw) :: thread
@@ -30,14 +30,23 @@ contains
         class(screw), intent(in) :: self
         type(marker_pair), intent(in) :: pair
         type(value), allocatable :: c(:)
-        type(value) :: turned
 
-        turned = (pair%gap .dot.pair%first%z)*reciprocal(self%pitch)
         associate (a => pair%first, b => pair%second)
             c = [pair%gap .dot.a%x, pair%gap .dot.a%y, b%z .dot.a%x, b%z .dot.a%y, &
-                 self%pitch*atan2(b%x .dot.(sin(turned)*a%x - cos(turned)*a%y), b%x .dot.(cos(turned)*a%x + sin(turned)*a%y))]
+                 self%pitch*left_to_turn(pair, (pair%gap .dot.a%z)*reciprocal(self%pitch))]
         end associate
     end function constraints
+
+    !> How far the second x is behind an angle by which the first one would be turned, but for whole turns.
+    function left_to_turn(pair, angle) result(left)
+        type(marker_pair), intent(in) :: pair
+        type(value), intent(in) :: angle
+        type(value) :: left
+
+        associate (a => pair%first, b => pair%second)
+            left = atan2(b%x .dot.(sin(angle)*a%x - cos(angle)*a%y), b%x .dot.(cos(angle)*a%x + sin(angle)*a%y))
+        end associate
+    end function left_to_turn
 
     !> The screw's last.
     function threaded(self, pair) result(c)
@@ -68,14 +77,14 @@ contains
         q = [(pair%gap .dot.pair%first%z)*reciprocal(self%pitch)]
     end function variables
 
-    !> As a length.
-    function variable_constraint(self, pair, k, q) result(c)
+    !> The slide as a length, and the turn: that of a fine thread would follow from the slide with digits less.
+    function variable_constraints(self, pair, k, q) result(c)
         class(screw), intent(in) :: self
         type(marker_pair), intent(in) :: pair
         integer, intent(in) :: k
         type(value), intent(in) :: q
-        type(value) :: c
+        type(value), allocatable :: c(:)
 
-        c = (pair%gap .dot.pair%first%z) - self%pitch*q
-    end function variable_constraint
+        c = [(pair%gap .dot.pair%first%z) - self%pitch*q, left_to_turn(pair, q)]
+    end function variable_constraints
 end module linkdyn_screw

@@ -630,8 +630,13 @@ def test_refused_scenes() -> None:
         driven.generate("forward")
     with pytest.raises(linkdyn.InputError, match="inverse dynamics needs as many actuators"):
         load("flyball_governor").generate("inverse")
-    with pytest.raises(linkdyn.InputError, match="links 'housing', 'spindle', 'arm' are placed with too few digits .* threads whose lead is small"):
-        load("screw_lift").with_({"variables.lead": "3 mm"}).generate("inverse")
+    assert "driving_force" in load("screw_lift").with_({"variables.lead": "1 mm"}).generate("inverse", want=["driving_force"]).header
+    by_arm = tomllib.loads((EXAMPLES / "screw_lift" / "scene.toml").read_text(encoding="utf-8"))
+    by_arm["variables"]["lead"] = "1 mm"
+    by_arm["coordinate"] = [{"joint": "O", "motion": {"law": "polynomial-345", "from": 0, "to": "-10 deg", "duration": "4 s"}}]
+    by_arm["actuator"] = [{"joint": "O"}]
+    with pytest.raises(linkdyn.InputError, match="links 'spindle', 'housing' are placed with too few digits .* threads whose lead is small"):
+        linkdyn.Scene(by_arm).generate("inverse")
     assert "driving_force" in load("screw_lift").generate("inverse", want=["driving_force"]).header    # its tip, far from the thread, does not count
     for name, kernel, law in [("four_stroke", "inverse", "load on 'piston.pin', force"), ("toggle_clamp", "inverse", "stop 'mould'"),
                               ("hoist", "forward", "actuator 'drum', law, value")]:
