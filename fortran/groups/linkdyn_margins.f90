@@ -16,7 +16,7 @@ module linkdyn_margins
         side_of
     use linkdyn_parallel_rods, only: margin_of_hold
     use linkdyn_rod_margin, only: margin_of_rod
-    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), reciprocal
     use linkdyn_vector, only: vector, operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
