@@ -9,6 +9,7 @@
 !> Columns may stay free, of rows that do not determine them: what the others then are for a one in each, and nothing on the
 !> right, are the states that the rows allow.
 module linkdyn_elimination
+    use linkdyn_folding, only: product_in_any_order
     use linkdyn_kinds, only: wp
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_value, only: value, zero, one, is_zero, is_one, is_constant, reciprocal, constant, &
@@ -494,10 +495,10 @@ contains
         do k = 1, pivot_row%n
             at = place_in(work%row(t), pivot_row%column(k))
             if (at == 0) then
-                call put_entry(work%row(t), pivot_row%column(k), -(l*pivot_row%entry(k)))
+                call put_entry(work%row(t), pivot_row%column(k), -product_in_any_order(l, pivot_row%entry(k)))
                 call append(work%column(pivot_row%column(k)), t)
             else
-                new = work%row(t)%entry(at) - l*pivot_row%entry(k)
+                new = work%row(t)%entry(at) - product_in_any_order(l, pivot_row%entry(k))
                 work%row(t)%entry(at) = new
                 if (is_zero(new)) then
                     call drop_entry(work%row(t), pivot_row%column(k))

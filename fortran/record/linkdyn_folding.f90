@@ -7,21 +7,20 @@ module linkdyn_folding
     use, intrinsic :: iso_fortran_env, only: real128
     use linkdyn_operation, only: operate, op_constant, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, &
         op_cosine, op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole, op_piece, op_nearest, op_farthest
-    use linkdyn_record, only: value, record_type, open_record_of_thread, find_node, known_node, constant_in_quad, is_zero, is_one, &
-        is_constant, constant_of, declare_inverse, negated, zero, one
+    use linkdyn_record, only: value, record_type, open_record_of_thread, find_node, known_node, constant_in_quad, is_zero, &
+        is_one, is_constant, constant_of, declare_inverse, negated, zero, one
     implicit none (type, external)
     private
-    public :: sum_of, product_of, reciprocal_of, root_of, sine_of, cosine_of, arctangent_of
+    public :: sum_of, product_of, product_in_any_order, reciprocal_of, root_of, sine_of, cosine_of, arctangent_of
     public :: smaller_of, larger_of, magnitude_of, selected, whole_of, looked_up, result_of
 
 contains
 
     !> a + b
-    recursive function sum_of(a, b) result(r)
+    function sum_of(a, b) result(r)
         type(value), intent(in) :: a, b
         type(value) :: r
         type(value) :: first, second
-        logical :: has_met
 
         if (is_zero(a)) then
             r = b
@@ -36,8 +35,6 @@ contains
         else if (is_constant(a) .and. is_constant(b)) then
             r = constant_in_quad(constant_of(a) + constant_of(b))
         else
-            call meet_like_terms(a, b, r, has_met)
-            if (has_met) return
             ! one order, and the first with a plus
             first = a
             second = b
@@ -49,122 +46,6 @@ contains
             r%sign = first%sign
         end if
     end function sum_of
-
-    !> c1 x + c2 x = (c1 + c2) x, where one of the two may stand in a sum; terms that cancel are found a few sums deep, as the mass of a
-    !> link that is first taken to its joint, then away from there.
-    recursive subroutine meet_like_terms(a, b, r, has_met)
-        type(value), intent(in) :: a, b
-        type(value), intent(out) :: r
-        logical, intent(out) :: has_met
-        integer, parameter :: deep = 3                 ! sums
-
-        call add_like(a, b, r, has_met)
-        if (.not. has_met) call add_to_sum(a, b, deep, r, has_met)
-        if (.not. has_met) call add_to_sum(b, a, deep, r, has_met)
-    end subroutine meet_like_terms
-
-    !> A term beside its like in a sum. Below the first sum only what cancels is worth it: it leaves less, anything else as much.
-    recursive subroutine add_to_sum(sum, term, depth, r, has_met)
-        type(value), intent(in) :: sum, term
-        integer, intent(in) :: depth
-        type(value), intent(out) :: r
-        logical, intent(out) :: has_met
-        type(value) :: part(2), with
-        integer :: k
-
-        has_met = .false.
-        r = value()
-        if (depth == 0) return
-        call split_sum(sum, part, has_met)
-        if (.not. has_met) return
-        do k = 1, 2
-            call add_like(part(k), term, with, has_met)
-            if (has_met) then
-                r = sum_of(part(3 - k), with)
-                return
-            end if
-        end do
-        do k = 1, 2
-            call cancel(part(k), term, depth - 1, with, has_met)
-            if (has_met) then
-                r = sum_of(part(3 - k), with)
-                return
-            end if
-        end do
-    end subroutine add_to_sum
-
-    !> A sum without the part that a term cancels.
-    recursive subroutine cancel(sum, term, depth, r, has_met)
-        type(value), intent(in) :: sum, term
-        integer, intent(in) :: depth
-        type(value), intent(out) :: r
-        logical, intent(out) :: has_met
-        type(value) :: part(2), with
-        integer :: k
-
-        has_met = .false.
-        r = value()
-        if (depth == 0) return
-        call split_sum(sum, part, has_met)
-        if (.not. has_met) return
-        do k = 1, 2
-            has_met = part(k)%node == term%node .and. part(k)%sign /= term%sign
-            if (has_met) r = part(3 - k)
-            if (has_met) return
-        end do
-        do k = 1, 2
-            call cancel(part(k), term, depth - 1, with, has_met)
-            if (has_met) r = sum_of(part(3 - k), with)
-            if (has_met) return
-        end do
-    end subroutine cancel
-
-    subroutine split_sum(sum, part, is_sum)
-        type(value), intent(in) :: sum
-        type(value), intent(out) :: part(2)
-        logical, intent(out) :: is_sum
-        type(record_type), pointer :: record
-
-        record => open_record_of_thread()
-        associate (kind => record%kind(sum%node), operand => record%operand(:, sum%node))
-            is_sum = kind == op_add .or. kind == op_subtract
-            if (.not. is_sum) return
-            part = [value(operand(1), sum%sign), value(operand(2), merge(sum%sign, -sum%sign, kind == op_add))]
-        end associate
-    end subroutine split_sum
-
-    !> The sum of multiples of one value.
-    recursive subroutine add_like(a, b, r, are_like)
-        type(value), intent(in) :: a, b
-        type(value), intent(out) :: r
-        logical, intent(out) :: are_like
-        type(value) :: of(2)
-        real(real128) :: factor(2)
-
-        call split_multiple(a, factor(1), of(1))
-        call split_multiple(b, factor(2), of(2))
-        are_like = of(1)%node == of(2)%node .and. .not. is_constant(of(1))
-        r = value()
-        if (are_like) r = product_of(constant_in_quad(factor(1) + factor(2)), of(1))
-    end subroutine add_like
-
-    !> A constant times a value with a plus sign.
-    subroutine split_multiple(v, factor, of)
-        type(value), intent(in) :: v
-        real(real128), intent(out) :: factor
-        type(value), intent(out) :: of
-        type(record_type), pointer :: record
-        type(value) :: first
-
-        record => open_record_of_thread()
-        factor = v%sign
-        of = value(v%node, 1)
-        if (record%kind(v%node) /= op_multiply) return
-        first = value(record%operand(1, v%node), 1)
-        if (.not. is_constant(first)) return
-        factor = factor*constant_of(first)
-        of = value(record%operand(2, v%node), 1)
-    end subroutine split_multiple
 
     !> a b
     recursive function product_of(a, b) result(r)
@@ -200,7 +81,7 @@ contains
                     return
                 end if
             end if
-            r = value(product_node(record, a%node, b%node), a%sign*b%sign)
+            r = value(new_node(op_multiply, a%node, b%node), a%sign*b%sign)
             return
         end if
         inverse = record%inverse(a%node)
@@ -209,53 +90,44 @@ contains
             r%sign = a%sign*b%sign*sign(1, inverse)
             return
         end if
-        r = value(product_node(record, a%node, b%node), a%sign*b%sign)
+        r = value(new_node(op_multiply, min(a%node, b%node), max(a%node, b%node)), a%sign*b%sign)
     end function product_of
 
-    integer function product_node(record, a, b) result(node)
-        type(record_type), intent(inout) :: record
-        integer, intent(in) :: a, b                 !! nodes; not both constants
-
-        node = known_in_other_order(record, a, b)
-        if (node == 0) node = find_node(record, op_multiply, in_order(record, a, b))
-    end function product_node
-
-    !> A product of three factors that has been made in another order: (a c) d or (a d) c for a (c d). Forces are eliminated by the
-    !> transposed matrix of velocities: the pivots are the same, their factors meet in another order. 0: there is none.
-    integer function known_in_other_order(record, a, b) result(node)
-        type(record_type), intent(in) :: record
-        integer, intent(in) :: a, b
+    !> a b, or what has been made of their factors in another order: (a c) d or (a d) c for a (c d). Forces are eliminated by the
+    !> transposed matrix of velocities: the pivots are the same, their factors meet in another order.
+    !>
+    !> For what nobody asks the rate of: that of c d may be known where those of c and d are not.
+    function product_in_any_order(a, b) result(r)
+        type(value), intent(in) :: a, b
+        type(value) :: r
+        type(record_type), pointer :: record
         integer :: pair(2), k
 
-        pair = [a, b]
+        record => open_record_of_thread()
+        pair = [a%node, b%node]
         do k = 1, 2
             if (record%kind(pair(3 - k)) /= op_multiply) cycle
             associate (factor => record%operand(:2, pair(3 - k)), other => pair(k))
-                node = known_product(record, known_product(record, other, factor(1)), factor(2))
-                if (node == 0) node = known_product(record, known_product(record, other, factor(2)), factor(1))
+                r = value(known_product(record, known_product(record, other, factor(1)), factor(2)), a%sign*b%sign)
+                if (r%node == 0) r%node = known_product(record, known_product(record, other, factor(2)), factor(1))
             end associate
-            if (node > 0) return
+            if (r%node > 0) return
         end do
-        node = 0
-    end function known_in_other_order
+        r = product_of(a, b)
+    end function product_in_any_order
 
+    !> The node of a product; 0: it is not known, or a factor is not.
     integer function known_product(record, a, b) result(node)
         type(record_type), intent(in) :: record
-        integer, intent(in) :: a, b                 !! 0: it is not known
-
-        node = 0
-        if (min(a, b) > 0) node = known_node(record, op_multiply, in_order(record, a, b))
-    end function known_product
-
-    !> The factors of a product as they are written down: a constant first.
-    pure function in_order(record, a, b) result(operand)
-        type(record_type), intent(in) :: record
-        integer, intent(in) :: a, b
+        integer, intent(in) :: a, b                 !! nodes; not both constants
         integer :: operand(3)
 
+        node = 0
+        if (min(a, b) == 0) return
         operand = [min(a, b), max(a, b), 0]
         if (record%kind(operand(2)) == op_constant) operand(:2) = operand(2:1:-1)
-    end function in_order
+        node = known_node(record, op_multiply, operand)
+    end function known_product
 
     !> 1/a
     function reciprocal_of(a) result(r)
