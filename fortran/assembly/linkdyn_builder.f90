@@ -233,7 +233,7 @@ contains
         if (status%is_ok()) call shape_meshes(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call list_legs(model)
-        call choose_strides(model)
+        if (status%is_ok()) call choose_strides(model)
         if (status%is_ok()) call prepare_margins(model)
         call assemble_start(model, status, like)
         call assemble_in_space(model, status, like)
