@@ -17,12 +17,56 @@ module linkdyn_loss_balance
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: balance_losses
+    public :: balance_losses, lossy_samples, renew_losses
 
     !> Less than this is lost of digits where pivots are positive.
     real(wp), parameter :: least_pivot = 1e-4_wp
 
+    !> Samples of motors whose torques are given and whose transmissions lose some of them.
+    type :: lossy_samples
+        integer, allocatable :: actuator(:)            !! (motor)
+        real(wp), allocatable :: given(:, :)           !! what motors give at their joints [N, N m] (motor, sample)
+        real(wp), allocatable :: sense(:, :)           !! which way the joint variable goes: +1, -1 (motor, sample)
+        real(wp), allocatable :: driving(:, :), driven(:, :)   !! a, b (motor, sample)
+        real(wp), allocatable :: lost(:, :)            !! r (motor, sample) [N, N m]
+    contains
+        procedure :: efforts
+    end type lossy_samples
+
 contains
+
+    !> Driving forces that are left of a sample's.
+    pure function efforts(self, sample) result(effort)
+        class(lossy_samples), intent(in) :: self
+        integer, intent(in) :: sample
+        real(wp) :: effort(size(self%actuator))
+
+        effort = self%given(:, sample) - self%sense(:, sample)*self%lost(:, sample)
+    end function efforts
+
+    !> What is lost of a sample, from what has been transmitted while other amounts were: in exchange for these.
+    pure subroutine renew_losses(transmitted, slope, sample, lossy, is_unique, change)
+        real(wp), intent(in) :: transmitted(:)         !! along the joint variables [N, N m] (motor)
+        real(wp), intent(in) :: slope(:, :)            !! how it changes with driving forces (motor, of motor)
+        integer, intent(in) :: sample
+        type(lossy_samples), intent(inout) :: lossy
+        logical, intent(out) :: is_unique              !! false: it may not be the only solution
+        real(wp), intent(out) :: change                !! of what is lost, relative to the largest
+        real(wp), dimension(size(transmitted)) :: press, before
+        real(wp) :: yields(size(transmitted), size(transmitted))
+        integer :: k
+
+        associate (sense => lossy%sense(:, sample), lost => lossy%lost(:, sample))
+            do k = 1, size(transmitted)
+                yields(:, k) = -sense*sense(k)*slope(:, k)
+            end do
+            press = sense*transmitted - matmul(yields, lost)
+            before = lost
+            call balance_losses(size(transmitted), press, yields, lossy%driving(:, sample), lossy%driven(:, sample), lost, &
+                                is_unique)
+            change = maxval(abs(lost - before))/max(maxval(lost), tiny(1.0_wp))
+        end associate
+    end subroutine renew_losses
 
     !> What is lost.
     pure subroutine balance_losses(n, press, slope, driving, driven, lost, is_unique)

@@ -38,7 +38,8 @@ module linkdyn_rate_program
         integer :: quaternion = 0              !! rates of attitudes that are given so [1/s] (4 n_attitude); 0: by their angles
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
         integer :: reach = 0                   !! not above zero: a loop does not close, or hardly
-        integer :: slope = 0                   !! what is linear, with the driving force of each lossy motor (n_linear, lossy motor)
+        integer :: slope = 0                   !! what is linear, with the driving force of each lossy motor (n_linear, lossy motor);
+                                               !! 0: something rubs
         integer :: n_linear = 0
     end type rate_outputs
 
@@ -57,7 +58,7 @@ contains
         type(traced_type) :: traced
         type(output_list) :: list
         type(value), dimension(model%n_branch) :: margin, drift
-        type(value), allocatable :: effort(:), quaternion(:), linear(:)
+        type(value), allocatable :: effort(:), quaternion(:), linear(:), transmitted(:), slope(:)
         type(value) :: power(2)
         integer, allocatable :: lossy(:)       !! actuators
 
@@ -70,13 +71,17 @@ contains
             allocate (effort(0))
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
             lossy = model%motor(lossy_motors(model, .not. request%drive_is_unknown))%actuator
-            linear = [solved(traced%system, traced%acceleration), effort, &
-                      solved(traced%system, traced%unknowns%transmitted(lossy)), power]
+            transmitted = solved(traced%system, traced%unknowns%transmitted(lossy))
+            linear = [solved(traced%system, traced%acceleration), effort, transmitted, power]
             quaternion = attitude_rates(traced)
+            ! where something rubs what is lost has settled with it
+            allocate (slope(0))
+            if (.not. allocated(traced%contact)) slope = slopes_with(traced, lossy, linear)
             call add_output(list, out_rates, [linear, margin, drift, counted_rates(traced), quaternion, &
-                                              alarm_of(traced), reach_of(traced), slopes_with(traced, lossy, linear)])
+                                              alarm_of(traced), reach_of(traced), slope])
             if (allocated(traced%contact)) then
-                call compile_with_friction(record, traced, list, friction, program)
+                call compile_with_friction(record, traced, list, friction, program, traced%in%of(in_effort)%v(lossy), &
+                                           [transmitted, slopes_with(traced, lossy, transmitted)])
             else
                 call make_scene_program(record, traced%in, list, program)
             end if
@@ -92,7 +97,7 @@ contains
             call take_place(size(quaternion), out%quaternion)
             call take_place(1, out%alarm)
             call take_place(1, out%reach)
-            call take_place(out%n_linear*size(lossy), out%slope)
+            call take_place(size(slope), out%slope)
         end if
         call close_record(record)
 

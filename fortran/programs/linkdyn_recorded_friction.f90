@@ -2,15 +2,19 @@
 !>
 !> Three programs of one trace. The first finds all that friction leaves alone: motion, elimination of the matrix, how fast
 !> contacts slide. The second has what presses for given friction; it is run until nothing changes. The third has the results.
+!>
+!> Motors whose transmissions lose some of a given torque (`linkdyn_loss_balance`) hang on friction, and friction on them: the second
+!> program has what they transmit, too, and how that changes with driving forces, so that both settle in the same rounds.
 module linkdyn_recorded_friction
     use linkdyn_block, only: block_lanes
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part
     use linkdyn_force_program, only: trace_forces, list_forces
     use linkdyn_friction, only: pressing_force
     use linkdyn_friction_law, only: friction_of_speed, friction_of_speeds, friction_one_way
-    use linkdyn_inputs, only: trace_request, sample_set, in_friction, in_found, in_sense
+    use linkdyn_inputs, only: trace_request, sample_set, in_effort, in_friction, in_found, in_sense
     use linkdyn_kernel, only: find_boundary
     use linkdyn_kinds, only: wp
+    use linkdyn_loss_balance, only: lossy_samples, renew_losses
     use linkdyn_model, only: model_type
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, make_scene_program, &
@@ -23,12 +27,13 @@ module linkdyn_recorded_friction
     public :: friction_programs, friction_space, make_friction_programs, compile_with_friction, settle_block, load_settled, &
         settle_one, free_friction_programs, free_friction_space
 
-    integer, parameter :: out_found = 103, out_square = 104, out_force = 105
+    integer, parameter :: out_found = 103, out_square = 104, out_force = 105, out_transmitted = 106
 
     type :: friction_programs
         type(scene_program) :: before, press
         type(contact_type), allocatable :: contact(:)
         integer :: n_found = 0                         !! numbers that the first program hands on
+        integer :: n_lossy = 0                         !! motors of whose losses the second tells
         logical :: is_made = .false.
     end type friction_programs
 
@@ -40,6 +45,8 @@ module linkdyn_recorded_friction
         real(wp), allocatable :: force(:, :)           !! that presses (lane, contact) [N]
         real(wp), allocatable :: force_after(:, :)     !! with friction as that makes it
         real(wp), allocatable :: amount(:, :)          !! of friction (lane, contact) [N s/m]
+        real(wp), allocatable :: effort(:, :)          !! driving forces (lane, n_actuator) [N, N m]
+        real(wp), allocatable :: transmitted(:, :)     !! by lossy motors, then how that changes with each (lane, number)
         real(wp), allocatable :: found_of_one(:, :), amount_of_one(:, :)       !! of a single sample (number, 1)
     end type friction_space
 
@@ -67,14 +74,17 @@ contains
     end subroutine make_friction_programs
 
     !> All three of an open record, its equations solved.
-    subroutine compile_with_friction(record, traced, results, programs, after)
+    subroutine compile_with_friction(record, traced, results, programs, after, effort, transmitted)
         type(record_type), intent(in) :: record
         type(traced_type), intent(inout) :: traced
         type(output_list), intent(in) :: results
         type(friction_programs), intent(inout) :: programs
         type(scene_program), intent(inout) :: after
+        type(value), intent(in), optional :: effort(:)        !! driving forces of lossy motors (motor)
+        type(value), intent(in), optional :: transmitted(:)   !! by them, then how that changes with each (motor + motor, of motor)
         type(output_list) :: press, before
         type(value) :: force(size(traced%contact))
+        type(value), allocatable :: late(:)
         integer, allocatable :: boundary(:)
         integer :: i
 
@@ -85,7 +95,13 @@ contains
             programs%contact = contact
         end associate
         call add_output(press, out_force, force)
-        call find_boundary(record, [press%v, results%v], traced%in%of(in_friction)%v, boundary)
+        late = traced%in%of(in_friction)%v
+        if (present(effort)) then
+            late = [late, effort]
+            programs%n_lossy = size(effort)
+            if (size(effort) > 0) call add_output(press, out_transmitted, transmitted)
+        end if
+        call find_boundary(record, [press%v, results%v], late, boundary)
         call add_output(before, out_found, [(value(boundary(i), 1), i=1, size(boundary))])
         call add_output(before, out_square, traced%contact%square)
         call make_scene_program(record, traced%in, before, programs%before)
@@ -97,12 +113,13 @@ contains
 
     !> Friction of the samples first, ..., first + count - 1, for the third program (`load_settled`). Samples at which it does not
     !> come to rest are left. Numbers lie in columns, as programs take and give them.
-    subroutine settle_block(programs, arrays, first, count, space, is_left)
+    subroutine settle_block(programs, arrays, first, count, space, is_left, lossy)
         type(friction_programs), intent(in) :: programs
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: first, count
         type(friction_space), intent(inout), target :: space
         logical, intent(inout) :: is_left(count)
+        type(lossy_samples), intent(inout), optional :: lossy  !! of all samples; their driving forces in the arrays are less what is lost
         real(wp), dimension(most_lanes) :: change, change_before
         logical, dimension(most_lanes) :: rests, fails
         integer :: n
@@ -115,20 +132,71 @@ contains
         is_left = is_left .or. fails(:count)
         rests(:count) = is_left
         change_before(:count) = 1                      ! from no friction to some
+        change(:count) = 0
+        if (present(lossy)) call find_losses(first, count, rests(:count), space%transmitted, lossy, is_left, change(:count))
         do n = 1, most_rounds
             if (all(rests(:count))) exit
             call multiply(size(space%force), space%factor, space%force, space%amount)
+            if (present(lossy)) call load_efforts()
             call find_forces(programs, count, space, space%force_after, fails)
             call find_changes(size(space%force, 1), size(space%force, 2), space%force, space%force_after, change)
+            if (present(lossy)) &
+                call find_losses(first, count, rests(:count) .or. fails(:count), space%transmitted, lossy, is_left, change(:count))
             call keep_forces(rests(:count), space%force, space%force_after)
             call exchange(space%force, space%force_after)
             is_left = is_left .or. (fails(:count) .and. .not. rests(:count))
-            rests(:count) = rests(:count) .or. fails(:count) .or. has_settled(change(:count), change_before(:count))
+            rests(:count) = rests(:count) .or. fails(:count) .or. is_left .or. has_settled(change(:count), change_before(:count))
             change_before(:count) = change(:count)
         end do
         is_left = is_left .or. .not. rests(:count)
         call multiply(size(space%force), space%factor, space%force, space%amount)
+        if (present(lossy)) call put_efforts(arrays, first, count, lossy)
+
+    contains
+
+        subroutine load_efforts()
+            call put_efforts(arrays, first, count, lossy)
+            associate (x => arrays%of(in_effort)%x)
+                if (.not. allocated(space%effort)) allocate (space%effort(block_lanes(), size(x, 1)), source=0.0_wp)
+                space%effort(:count, :) = transpose(x(:, first:first + count - 1))
+            end associate
+            call load_block(programs%press, in_effort, size(space%effort, 1), space%effort, count, space%press)
+        end subroutine load_efforts
     end subroutine settle_block
+
+    !> Driving forces less what is lost, where programs take them.
+    subroutine put_efforts(arrays, first, count, lossy)
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(lossy_samples), intent(in) :: lossy
+        integer :: s
+
+        do s = first, first + count - 1
+            arrays%of(in_effort)%x(lossy%actuator, s) = lossy%efforts(s)
+        end do
+    end subroutine put_efforts
+
+    !> What is lost, of samples that do not rest; where that may not be the only solution they are left.
+    pure subroutine find_losses(first, count, rests, transmitted, lossy, is_left, change)
+        integer, intent(in) :: first, count
+        logical, intent(in) :: rests(count)
+        real(wp), intent(in) :: transmitted(:, :)      !! as in `friction_space`
+        type(lossy_samples), intent(inout) :: lossy
+        logical, intent(inout) :: is_left(count)
+        real(wp), intent(inout) :: change(count)       !! the largest, relative
+        real(wp) :: of_losses
+        logical :: is_unique
+        integer :: i, n
+
+        n = size(lossy%actuator)
+        do i = 1, count
+            if (rests(i) .or. is_left(i)) cycle
+            call renew_losses(transmitted(i, :n), reshape(transmitted(i, n + 1:), [n, n]), first + i - 1, lossy, &
+                              is_unique, of_losses)
+            is_left(i) = .not. is_unique
+            change(i) = max(change(i), of_losses)
+        end do
+    end subroutine find_losses
 
     !> What friction leaves alone goes to the second program; and how much contacts rub for each newton that presses.
     subroutine find_factors(programs, arrays, first, count, space)
@@ -176,12 +244,14 @@ contains
     subroutine find_forces(programs, count, space, force, fails)
         type(friction_programs), intent(in) :: programs
         integer, intent(in) :: count
-        type(friction_space), intent(inout) :: space
+        type(friction_space), intent(inout), target :: space
         real(wp), intent(inout), target, contiguous :: force(:, :)     !! (lane, contact) [N]
         logical, intent(out) :: fails(:)               !! one of a sample is not finite (count)
 
         call load_block(programs%press, in_friction, size(space%amount, 1), space%amount, count, space%press)
-        call run_columns(programs%press, space%press, 1, count, [goes_to(out_force, force, is_of_block=.true.)], fails(:count))
+        call run_columns(programs%press, space%press, 1, count, [goes_to(out_force, force, is_of_block=.true.), &
+                                                                 goes_to(out_transmitted, space%transmitted, is_of_block=.true.)], &
+                         fails(:count))
     end subroutine find_forces
 
     !> c = a b.
@@ -249,14 +319,17 @@ contains
     end subroutine load_settled
 
     !> The same for the first sample of the arrays alone: `settled` are the arrays with its friction, for the third program.
-    subroutine settle_one(programs, arrays, space, settled, is_left)
+    subroutine settle_one(programs, arrays, space, settled, is_left, lossy)
         type(friction_programs), intent(in) :: programs
         type(sample_arrays), intent(in) :: arrays
         type(friction_space), intent(inout), target :: space
         type(sample_arrays), intent(out) :: settled
         logical, intent(out) :: is_left
+        type(lossy_samples), intent(inout), optional :: lossy  !! as in `settle_block`
         real(wp) :: both(programs%n_found + size(programs%contact)), change, change_before
+        real(wp) :: pressed(1, size(programs%contact) + programs%n_lossy*(1 + programs%n_lossy))
         real(wp), dimension(size(programs%contact)) :: speed, factor, force, force_before
+        logical :: fails(1)
         integer :: n, i
 
         if (.not. allocated(space%found_of_one)) &
@@ -276,14 +349,22 @@ contains
             end if
             amount = 0
             call load_one_sample(programs%press, settled, space%press_one)
-            call run_loaded_one(programs%press, space%press_one, force_before)
+            call run_loaded_one(programs%press, space%press_one, pressed(1, :))
+            force_before = pressed(1, :size(force))
             change_before = 1                          ! from no friction to some
-            is_left = .false.
+            change = 0
+            fails = .false.
+            if (present(lossy)) call lose()
             do n = 1, most_rounds
+                if (fails(1)) exit
                 amount = factor*force_before
                 call load_one_sample(programs%press, settled, space%press_one, only_block=in_friction)
-                call run_loaded_one(programs%press, space%press_one, force)
+                if (present(lossy)) call load_one_sample(programs%press, settled, space%press_one, only_block=in_effort)
+                call run_loaded_one(programs%press, space%press_one, pressed(1, :))
+                force = pressed(1, :size(force))
                 change = maxval(abs(force - force_before))/max(maxval(force), tiny(1.0_wp))
+                if (present(lossy)) call lose()
+                is_left = fails(1)
                 if (has_settled(change, change_before)) then
                     amount = factor*force
                     return
@@ -293,6 +374,17 @@ contains
             end do
         end associate
         is_left = .true.
+
+    contains
+
+        subroutine lose()
+            real(wp) :: of_losses(1)
+
+            of_losses = change
+            call find_losses(1, 1, [.false.], pressed(:, size(force) + 1:), lossy, fails, of_losses)
+            change = of_losses(1)
+            call put_efforts(settled, 1, 1, lossy)
+        end subroutine lose
     end subroutine settle_one
 
     !> Scratch of blocks, made by whoever comes first.
@@ -303,6 +395,7 @@ contains
         if (allocated(space%force)) return
         associate (n => size(programs%contact), lanes => block_lanes())
             allocate (space%factor(lanes, n), space%force(lanes, n), space%force_after(lanes, n), space%amount(lanes, n))
+            allocate (space%transmitted(lanes, programs%n_lossy*(1 + programs%n_lossy)))
         end associate
         space%factor = 0                               ! in lanes that no sample has
         space%force = 0

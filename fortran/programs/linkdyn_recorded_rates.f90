@@ -11,6 +11,7 @@ module linkdyn_recorded_rates
         in_branch, in_pull, in_base, in_payload, in_place, in_counted, in_sense, n_block
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
+    use linkdyn_loss_balance, only: lossy_samples
     use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
     use linkdyn_measure_program, only: make_measure_program, out_measures
     use linkdyn_model, only: model_type, place_size, pull_power, effort_power
@@ -249,13 +250,14 @@ contains
 
     !> Run the first n samples, but those that are left already; says which others are. A part of the inputs may come from columns in
     !> place of the samples, unless something rubs.
-    subroutine run_rates(recorded, n, samples, laws_are_there, wiring, columns)
+    subroutine run_rates(recorded, n, samples, laws_are_there, wiring, columns, lossy)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
         logical, intent(in), optional :: laws_are_there    !! `apply_laws` has been called for these samples; absent: false
         type(input_wiring), intent(in), optional :: wiring     !! absent: all from the samples
         real(wp), intent(in), contiguous, optional :: columns(:, :)    !! that it speaks of (sample, column)
+        type(lossy_samples), intent(inout), optional :: lossy  !! where something rubs: what is lost settles with it
         real(wp) :: none(1, 1)
         logical :: has_laws
         integer :: i
@@ -265,7 +267,7 @@ contains
         if (present(laws_are_there)) has_laws = laws_are_there
         if (.not. has_laws) call apply_laws(recorded, n, samples)
         if (recorded%friction%is_made) then
-            call run_rubbing(recorded, n, samples)
+            call run_rubbing(recorded, n, samples, lossy)
         else if (present(wiring)) then
             call run_wired(recorded%program, wiring, samples%arrays, samples%are_new, size(columns, 1), columns, n, samples%one, &
                            samples%block, size(samples%found, 1), samples%found, samples%is_left)
@@ -283,10 +285,11 @@ contains
     end subroutine run_rates
 
     !> The same where something rubs: what presses is settled first.
-    subroutine run_rubbing(recorded, n, samples)
+    subroutine run_rubbing(recorded, n, samples, lossy)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
+        type(lossy_samples), intent(inout), optional :: lossy
         type(sample_arrays) :: settled
         type(output_target) :: to(1)
         logical :: is_left, is_bad(most_lanes)
@@ -294,7 +297,7 @@ contains
 
 
         if (n == 1) then
-            call settle_one(recorded%friction, samples%arrays, samples%friction, settled, is_left)
+            call settle_one(recorded%friction, samples%arrays, samples%friction, settled, is_left, lossy)
             samples%is_left(1) = is_left
             if (is_left) return
             call run_one_sample(recorded%program, settled, samples%one, samples%found(1, :))
@@ -305,7 +308,7 @@ contains
         do first = 1, n, block_lanes()
             count = min(block_lanes(), n - first + 1)
             call settle_block(recorded%friction, samples%arrays, first, count, samples%friction, &
-                              samples%is_left(first:first + count - 1))
+                              samples%is_left(first:first + count - 1), lossy)
             call load_settled(recorded%friction, recorded%program, samples%arrays, first, count, samples%friction, &
                               samples%block)
             call run_columns(recorded%program, samples%block, first, count, to, is_bad(:count))

@@ -140,6 +140,24 @@ def test_records_go_the_way_of_lanes(name: str, friction: bool) -> None:
     np.testing.assert_allclose(by_record.motor_power - by_record.transmission_loss, by_record.driving_power, atol=1e-9 * float(by_record.motor_power.max()))
 
 
+@pytest.mark.parametrize("method", ["gbs", "rkf45"])
+@pytest.mark.parametrize("back", [0.55, -0.1])
+def test_losses_and_friction_settle_together(back: float, method: str) -> None:
+    """A slide and a hinge that rub hard beside a gear that loses much, by single samples and by many at once."""
+    scene = slider_crank()
+    scene["actuator"][0]["drive"].update(efficiency=0.45, back_efficiency=back)
+    scene["friction"] = [{"joint": "X", "coulomb": 0.3, "creep_speed": "0.1 m/s"}, {"joint": "O", "coulomb": 0.3, "radius": "30 mm", "creep_speed": "0.05 m/s"}]
+    t = np.linspace(0, 0.5, 26)
+    by_record, by_lanes = (linkdyn.Scene(scene).forward(t=t, want="all", method=method, solver=solver, **SHARP) for solver in ("elimination", "lapack"))
+    for run in (by_record, by_lanes):
+        assert (run.status == 0).all()
+        assert np.abs(run.power_imbalance).max() < 1e-9
+    assert by_record.qd.values.min() < -1 and by_record.qd.values.max() > 1
+    assert np.abs(by_record.q - by_lanes.q).max() < 1e-9
+    assert np.abs(by_record.qd - by_lanes.qd).max() < 1e-8
+    np.testing.assert_allclose(by_record.transmission_loss, by_lanes.transmission_loss, atol=1e-7 * float(by_lanes.transmission_loss.max()))
+
+
 def test_hoist_both_ways() -> None:
     """A drum with a load on its rope, behind a worm gear: up by its efficiency, down by that of the way back, which the motor has to help or not."""
     ratio, inertia, mass, radius, rotor = 40.0, 0.8, 150.0, 0.2, 2e-3
