@@ -46,8 +46,7 @@ module linkdyn_release
     integer, parameter :: small = 576                   !! of one with n links this many over their square
     integer, parameter :: few_steps = 60                !! in which poses far off close, or are left out
     real(wp), parameter :: stride = 0.25_wp             !! on the way from the start [rad, scene sizes], of the body that moves most
-    !> A direction whose part of the self-stress is larger at both ends of a stride has not been without any between them.
-    real(wp), parameter :: not_leapt_over = stride/2
+    real(wp), parameter :: first_stride = 0.02_wp       !! runs begin there: what is beside the start is not leapt over
     integer, parameter :: n_angle = 6                   !! axes across a hinge that are tried, of each of its links
     real(wp), parameter :: acts = 1.0e-3_wp             !! part of a self-stress along a direction that can go
     integer, parameter :: many_moves = 2000             !! times states of self-stress: beyond, the search is shorter
@@ -69,11 +68,13 @@ module linkdyn_release
     !> The mechanism in one pose.
     type :: stressed_pose
         integer :: n_stride = 0                         !! from the first pose, on the way from there; 0: it is elsewhere, or the first
+        real(wp) :: way = 0                             !! from there, of these strides; less than 0 to the other side
         type(loop_type) :: loop
         type(rows_type) :: rows
         integer, allocatable :: first(:)                !! row of each joint; the next one's is behind its last
         real(wp), allocatable :: frame(:, :, :, :)      !! of both markers of each joint, world axes (3, 3, side, joint)
-        real(wp), allocatable :: whole(:, :)            !! orthonormal (row, state of self-stress)
+        real(wp), allocatable :: whole(:, :)            !! orthonormal (row, state of self-stress); on the way it goes on from pose
+                                                        !! to pose without turning over
     end type stressed_pose
 
     !> What of its self-stress is left as joints let go.
@@ -279,10 +280,12 @@ contains
         type(loop_type) :: loop
         type(rows_type) :: rows
         real(wp), allocatable :: freedom(:, :), along(:)
+        real(wp) :: way, long
         logical :: is_closed
         integer :: i, k
 
         loop = pose(1)%loop
+        way = 0
         do i = 1, n
             call list_rows(model, loop, rows)
             call find_null_space(transpose(rows%row(:, :rows%n)), least_new(loop), freedom)
@@ -293,29 +296,34 @@ contains
                 along = matmul(freedom, matmul(along, freedom))
             end if
             if (.not. maxval(abs(along)) > 0) return
-            along = along*(stride/maxval(abs(along)))
+            long = merge(first_stride, stride, i == 1 .and. n > 1)
+            along = along*(long/maxval(abs(along)))
             call move_bodies(loop, along)
             call close_loop(model, loop, is_closed, most=few_steps)
             if (.not. is_closed) return
-            call add_pose(model, loop, pose, n_stride=i)
+            way = way + sense*long
+            call add_pose(model, loop, pose, i, way)
         end do
     end subroutine add_way
 
     !> One more pose, if it has as much self-stress as the first.
-    subroutine add_pose(model, loop, pose, n_stride)
+    subroutine add_pose(model, loop, pose, n_stride, way)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop
         type(stressed_pose), allocatable, intent(inout) :: pose(:)
-        integer, intent(in), optional :: n_stride       !! absent: 0
+        integer, intent(in), optional :: n_stride       !! on the way
+        real(wp), intent(in), optional :: way
         type(stressed_pose) :: here
         integer :: i, side
 
         here%loop = loop
         if (present(n_stride)) here%n_stride = n_stride
+        if (present(way)) here%way = way
         call list_rows(model, here%loop, here%rows)
         call find_null_space(here%rows%row(:, :here%rows%n), least_new(here%loop), here%whole)
         if (size(pose) > 0) then
             if (size(here%whole, 2) /= size(pose(1)%whole, 2)) return
+            if (present(way)) call go_on_from(pose(before(way, pose)), here%whole)
         end if
         here%first = [(1 + count(here%rows%joint(:here%rows%n) < i), i=1, size(loop%joint) + 1)]
         allocate (here%frame(3, 3, 2, size(loop%joint)))
@@ -326,6 +334,51 @@ contains
         end do
         pose = [pose, here]
     end subroutine add_pose
+
+    !> The last of these poses if the way to it leads to the same side, else the first.
+    pure integer function before(way, pose)
+        real(wp), intent(in) :: way
+        type(stressed_pose), intent(in) :: pose(:)
+
+        before = merge(size(pose), 1, pose(size(pose))%way*way > 0)
+    end function before
+
+    !> States of self-stress are any that span them all: in one order and sense they go on as they were a little before.
+    subroutine go_on_from(pose, whole)
+        type(stressed_pose), intent(in) :: pose
+        real(wp), intent(inout) :: whole(:, :)          !! (row, state)
+        real(wp) :: sense, least
+
+        call mirror_columns(matmul(transpose(whole), pose%whole), sense, least)
+        if (sense < 0) whole(:, 1) = -whole(:, 1)
+    end subroutine go_on_from
+
+    !> Householder's mirrors, column by column: how much of each there is beside those before it, and the determinant's sign.
+    subroutine mirror_columns(matrix, sense, least)
+        real(wp), intent(in) :: matrix(:, :)
+        real(wp), intent(out) :: sense                  !! 1 or -1, or 0
+        real(wp), intent(out) :: least
+        real(wp) :: a(size(matrix, 1), size(matrix, 2)), normal(size(matrix, 1)), long
+        integer :: k, i
+
+        a = matrix
+        sense = 1
+        least = huge(least)
+        do k = 1, size(a, 2)
+            normal(k:) = a(k:, k)
+            long = norm2(normal(k:))
+            least = min(least, long)
+            if (.not. long > 0) then
+                sense = 0
+                return
+            end if
+            if (normal(k) < 0) sense = -sense
+            normal(k) = normal(k) + sign(long, normal(k))
+            do i = k + 1, size(a, 2)
+                a(k:, i) = a(k:, i) - normal(k:)*(2*dot_product(normal(k:), a(k:, i))/dot_product(normal(k:), normal(k:)))
+            end do
+        end do
+    end subroutine mirror_columns
 
     ! ---------------------------------------------------------------- moves
 
@@ -537,7 +590,10 @@ contains
     end function begins
 
     !> What can go as far on the way as possible without a singular pose. Where anything that could go has one near the start, as
-    !> in a train that turns on and on, the way does not count.
+    !> in a train that turns on and on, the way does not count. Nor do those poses all over the place that are the mechanism's own
+    !> singular ones, where nothing can go: a spherical four-bar whose points are all one has three axes besides its coordinate's
+    !> along which forces can go; where these lie in a plane, at a dead point, they do not span the space, and no other choice would
+    !> be better there. Several that are nearly so may leave nothing that can go in all of them: then none of them counts.
     subroutine choose_on_way(pose, move, sure, gears_first, best)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
@@ -545,48 +601,71 @@ contains
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: best(:)
         type(stressed_pose), allocatable :: near(:)
-        integer :: way
-        real(wp) :: score
+        logical :: counts(size(pose))
+        integer :: p
 
-        way = maxval(pose%n_stride)
-        do
-            call take_near()
-            call choose_release(near, move, sure, gears_first, best, score)
-            if (way == 0 .or. score >= not_leapt_over) exit
-            way = way/2
+        counts = .true.
+        call go_as_far_as_possible()
+        if (allocated(best)) return
+        do p = 2, size(pose)
+            if (pose(p)%n_stride > 0) cycle
+            call choose_release(pose(p:p), move, sure, gears_first, best)
+            counts(p) = allocated(best)
         end do
-        if (.not. allocated(best)) call choose_release(clear_poses(near, move, sure, gears_first), move, sure, gears_first, best)
+        call go_as_far_as_possible()
+        if (allocated(best)) return
+        counts(2:) = pose(2:)%n_stride > 0
+        call go_as_far_as_possible()
 
     contains
 
+        subroutine go_as_far_as_possible()
+            integer :: way
+            logical :: is_clear
+
+            way = maxval(pose%n_stride)
+            do
+                call take_near(way)
+                call choose_release(near, move, sure, gears_first, best, is_clear)
+                if (way == 0 .or. is_clear) return
+                way = way/2
+            end do
+        end subroutine go_as_far_as_possible
+
         !> One by one: gfortran 12 never frees what components of pose([..]) hold.
-        subroutine take_near()
+        subroutine take_near(way)
+            integer, intent(in) :: way
+            logical :: is_near(size(pose))
             integer :: p, n
 
+            is_near = counts .and. pose%n_stride <= way
             if (allocated(near)) deallocate (near)
-            allocate (near(count(pose%n_stride <= way)))
+            allocate (near(count(is_near)))
             n = 0
             do p = 1, size(pose)
-                if (pose(p)%n_stride > way) cycle
+                if (.not. is_near(p)) cycle
                 n = n + 1
                 near(n) = pose(p)
             end do
         end subroutine take_near
     end subroutine choose_on_way
 
-    !> The best of all beginnings; nothing if none of them leaves the joints enough in every pose.
-    subroutine choose_release(pose, move, sure, gears_first, best, best_score)
+    !> The best of all beginnings, of those that leave no singular pose on the way if there are such; nothing if none of them leaves
+    !> the joints enough in every pose.
+    subroutine choose_release(pose, move, sure, gears_first, best, is_clear)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: sure(:)                  !! moves that are taken in any case
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: best(:)
-        real(wp), intent(out), optional :: best_score   !! of the worst of them
+        logical, intent(out), optional :: is_clear      !! there is one, and none of its poses on the way is singular
         type(move_type), allocatable :: taken(:)
         real(wp) :: score, highest
+        logical :: keeps_clear, best_is_clear
         integer :: i, first
 
         highest = acts
+        best_is_clear = .false.
         ! of many moves only the best is one to begin with
         first = merge(0, 1, size(move)*size(pose(1)%whole, 2) > many_moves .or. gears_first)
         do i = first, merge(0, size(move), first == 0)
@@ -594,31 +673,49 @@ contains
                 if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
             end if
             call choose_moves(pose, move, sure, i, gears_first, taken, score)
-            if (score <= highest*(1 + rounding)) cycle
+            if (score <= merge(highest*(1 + rounding), acts, best_is_clear .or. .not. allocated(best))) cycle
+            keeps_clear = .not. leaps_over(pose, taken)
+            if (.not. keeps_clear .and. (best_is_clear .or. score <= highest*(1 + rounding))) cycle
             highest = score
             best = taken
+            best_is_clear = keeps_clear
         end do
-        if (present(best_score)) best_score = highest
+        if (present(is_clear)) is_clear = best_is_clear
     end subroutine choose_release
 
-    !> The poses in which some joints can let go: the one near the start, and of those far off all but the mechanism's own singular
-    !> ones. A spherical four-bar whose points are all one has three axes besides its coordinate's along which forces can go; where
-    !> these lie in a plane, at a dead point, they do not span the space, and no other choice would be better there.
-    function clear_poses(pose, move, sure, gears_first) result(clear)
+    !> Is the mechanism, with joints that let go, singular between two poses on the way? There the determinant of all these
+    !> directions' parts of the self-stress changes its sign, or touches zero: what is left at both ends is no more than what a
+    !> stride may change.
+    logical function leaps_over(pose, taken)
         type(stressed_pose), intent(in) :: pose(:)
-        type(move_type), intent(in) :: move(:)
-        integer, intent(in) :: sure(:)
-        logical, intent(in) :: gears_first
-        type(stressed_pose), allocatable :: clear(:)
-        type(move_type), allocatable :: best(:)
-        integer :: p
+        type(move_type), intent(in) :: taken(:)
+        real(wp) :: sense(size(pose)), least(size(pose))
+        integer :: p, from
 
-        clear = pose(:1)
-        do p = 2, size(pose)
-            call choose_release(pose(p:p), move, sure, gears_first, best)
-            if (allocated(best)) clear = [clear, pose(p)]
+        leaps_over = .false.
+        do p = 1, size(pose)
+            if (p > 1 .and. pose(p)%n_stride == 0) cycle
+            call mirror_columns(parts_of(pose(p), taken), sense(p), least(p))
+            if (p == 1) cycle
+            from = before(pose(p)%way, pose(:p - 1))
+            leaps_over = sense(p)*sense(from) <= 0 .or. least(p) + least(from) < abs(pose(p)%way - pose(from)%way)
+            if (leaps_over) return
         end do
-    end function clear_poses
+    end function leaps_over
+
+    !> What each state of self-stress has along all directions that go (state, direction).
+    function parts_of(pose, taken) result(part)
+        type(stressed_pose), intent(in) :: pose
+        type(move_type), intent(in) :: taken(:)
+        real(wp) :: part(size(pose%whole, 2), sum(taken%n))
+        integer :: i, n
+
+        n = 0
+        do i = 1, size(taken)
+            part(:, n + 1:n + taken(i)%n) = transpose(action_of(pose, pose%whole, taken(i)))
+            n = n + taken(i)%n
+        end do
+    end function parts_of
 
     !> As many moves as there are states of self-stress: the sure ones, then to one kind at one joint, then the best that are left.
     subroutine choose_moves(pose, move, sure, first, gears_first, taken, score)

@@ -42,21 +42,41 @@ def hinges(points: Sequence[Any], axes: Sequence[Any], kinds: Sequence[str] | No
     return scene
 
 
-def bennett() -> dict[str, Any]:
-    """Bennett's loop: opposite links alike, a/sin(alpha) = b/sin(beta)."""
-    a, b, alpha, first = 0.3, 0.5, np.radians(30), np.radians(50)
-    beta = np.arcsin(b / a * np.sin(alpha))
-    second = 2 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2))
-    pose, points, axes = np.eye(4), [], []
-    for turn, length, twist in zip((first, second, -first, -second), (a, b, a, b), (alpha, beta, alpha, beta), strict=True):
-        points.append(pose[:3, 3])
-        axes.append(pose[:3, 2])
+def bennett_frames(first: float, lengths: tuple[float, float], twists: tuple[float, float]) -> list[Array]:
+    """Of Bennett's loop the frames of its hinges: z along the hinge, x along the link to the next one. Opposite links are alike."""
+    assert lengths[0] / np.sin(twists[0]) == pytest.approx(lengths[1] / np.sin(twists[1]), rel=1e-14)
+    second = 2 * np.arctan(np.sin(sum(twists) / 2) / np.sin((twists[1] - twists[0]) / 2) / np.tan(first / 2))
+    pose, frames = np.eye(4), []
+    for turn, length, twist in zip((first, second, -first, -second), lengths * 2, twists * 2, strict=True):
         c, s = np.cos(turn), np.sin(turn)
         pose = pose @ np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        frames.append(pose)
         c, s = np.cos(twist), np.sin(twist)
         pose = pose @ np.array([[1, 0, 0, length], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
-    assert np.abs(pose - np.eye(4)).max() < 1e-15
-    return hinges(points, axes)
+    assert np.abs(pose - np.eye(4)).max() < 3e-15
+    return frames
+
+
+ACROSS = 0.3, 0.5                                                               # lengths of Bennett's links
+TWISTS = float(np.radians(30)), float(np.arcsin(0.5 / 0.3 * np.sin(np.radians(30))))
+
+
+def hinges_of(frames: Sequence[Array]) -> dict[str, Any]:
+    return hinges([frame[:3, 3] for frame in frames], [frame[:3, 2] for frame in frames])
+
+
+def bennett(first: float = 50.0) -> dict[str, Any]:
+    """Bennett's loop: opposite links alike, a/sin(alpha) = b/sin(beta); its first angle in degrees."""
+    return hinges_of(bennett_frames(np.radians(first), ACROSS, TWISTS))
+
+
+def goldberg() -> dict[str, Any]:
+    """Goldberg's five hinges: two of Bennett's loops, two links of which are made one; the link that they shared is not needed then."""
+    one = bennett_frames(np.radians(50), ACROSS, TWISTS)
+    twist = np.radians(70)
+    other = bennett_frames(np.radians(80), (ACROSS[1], ACROSS[1] / np.sin(TWISTS[1]) * np.sin(twist)), (TWISTS[1], twist))
+    other = [one[1] @ np.linalg.inv(other[0]) @ frame for frame in other]
+    return hinges_of([one[0], other[3], other[2], one[2], one[3]])
 
 
 def sarrus() -> dict[str, Any]:
@@ -260,6 +280,21 @@ def test_least_squares(name: str) -> None:
         expected = pose.reactions(x)
         np.testing.assert_allclose(run.reaction.values[i], expected, rtol=0, atol=SUFFICIENT * np.abs(expected).max())
         np.testing.assert_allclose(run.driving_force.values[i], pose.drives(x), rtol=0, atol=SUFFICIENT * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("scene", [bennett(), bennett(57.3), goldberg()], ids=["bennett", "bennett-57", "goldberg"])
+def test_the_order_of_joints_makes_no_pose_singular(scene: dict[str, Any]) -> None:
+    """A loop that is regular all over its motion stays so whichever of its joints let go."""
+    t = np.linspace(0, np.pi, 401)
+    scene["coordinate"][0]["motion"] = {"law": "harmonic", "amplitude": 0.3, "frequency": 2.0}
+    n = len(scene["joint"])
+    driven = None
+    for order in itertools.islice(itertools.permutations(range(n)), 0, None, 1 if n == 4 else 11):
+        run = linkdyn.Scene(scene | {"joint": [scene["joint"][i] for i in order]}).inverse(t=t)
+        assert not run.status.values.any(), order
+        assert run.attrs["change_points_passed"] == 0, order
+        driven = run.driving_force.values if driven is None else driven
+        np.testing.assert_allclose(run.driving_force.values, driven, rtol=0, atol=1e-10 * np.abs(driven).max())
 
 
 @pytest.mark.parametrize("name", ["bennett", "sarrus", "spherical", "shaft", "agile_eye"])
