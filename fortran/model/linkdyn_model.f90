@@ -1,5 +1,6 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_breadth, only: breadth
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type
     use linkdyn_joint_table, only: is_pose_part, is_slide, is_threaded, wraps
@@ -631,12 +632,12 @@ contains
         group_size = size_of(model%joint(group%joint))
     end function group_size
 
-    !> How far a joint of a link is from the middle of the link's other joints, the frame being a link, too; or what their curves reach
-    !> [m]. Of a bar it is the length. Where links and the frame have their origins says nothing.
+    !> How far a joint of a link is from the middle of the link's other joints, how broad the frame is between its joints, or what their
+    !> curves reach, the largest [m]. Of a bar it is the length. Where links and the frame have their origins says nothing.
     pure real(wp) function size_of(joint)
         type(joint_type), intent(in) :: joint(:)
         real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
-        integer, allocatable :: n(:)
+        integer, allocatable :: n(:), held(:)
         real(wp), allocatable :: sum_of(:, :)
         real(wp) :: apart
         integer :: j, side, most
@@ -647,12 +648,12 @@ contains
             size_of = max(size_of, joint(j)%reach)
             most = max(most, maxval(joint(j)%link))
         end do
-        allocate (n(0:most), source=0)
-        allocate (sum_of(3, 0:most), source=0.0_wp)
+        allocate (n(most), source=0)
+        allocate (sum_of(3, most), source=0.0_wp)
         do j = 1, size(joint)
             do side = 1, 2
-                if (.not. holds(joint(j), side)) cycle
                 associate (link => joint(j)%link(side))
+                    if (link == 0) cycle
                     n(link) = n(link) + 1
                     sum_of(:, link) = sum_of(:, link) + joint(j)%point(:, side)
                 end associate
@@ -661,24 +662,17 @@ contains
         do j = 1, size(joint)
             do side = 1, 2
                 associate (link => joint(j)%link(side), point => joint(j)%point(:, side))
-                    if (.not. holds(joint(j), side)) cycle
+                    if (link == 0) cycle
                     if (n(link) < 2) cycle
                     apart = norm2(point - (sum_of(:, link) - point)/(n(link) - 1))
                     if (apart > rounding*maxval(abs(point))) size_of = max(size_of, apart)
                 end associate
             end do
         end do
+        held = pack([(j, j=1, size(joint))], [(any(joint(j)%link == 0) .and. .not. is_pose_part(joint(j)%kind), j=1, size(joint))])
+        size_of = max(size_of, breadth(reshape([(joint(held(j))%point(:, findloc(joint(held(j))%link, 0, dim=1)), &
+                                                 j=1, size(held))], [3, size(held)])))
         if (size_of < nothing) size_of = 1
-
-    contains
-
-        !> Is it a joint of the link at this side? The frame has none where coordinates give a part of a pose.
-        elemental logical function holds(joint, side)
-            type(joint_type), intent(in) :: joint
-            integer, intent(in) :: side
-
-            holds = joint%link(side) > 0 .or. .not. is_pose_part(joint%kind)
-        end function holds
     end function size_of
 
     !> Does a step turn its link by three angles that are coordinates?

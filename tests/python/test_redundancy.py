@@ -178,13 +178,15 @@ def frame_about(axis: Array) -> Array:
 
 
 def size_of(scene: dict[str, Any]) -> float:
-    """How far a joint of a link, or of the frame, is from the middle of the others there."""
+    """How far a joint of a link is from the middle of the others there, or half of how far two on the frame are apart."""
     held: dict[str, list[Array]] = {}
     for joint in scene["joint"]:
         for link, marker in (name.split(".") for name in joint["between"]):
             body = scene["frame"] if link == "frame" else next(one for one in scene["link"] if one["name"] == link)
             held.setdefault(link, []).append(np.array(body["markers"][marker]["at"]))
-    return max(float(np.linalg.norm(p - (sum(points) - p) / (len(points) - 1))) for points in held.values() if len(points) > 1 for p in points)
+    frame = held.pop("frame")
+    across = [float(np.linalg.norm(p - q)) / 2 for p in frame for q in frame]
+    return max(*across, *(float(np.linalg.norm(p - (sum(points) - p) / (len(points) - 1))) for points in held.values() if len(points) > 1 for p in points))
 
 
 class Statics:
