@@ -266,12 +266,12 @@ contains
         motion%t => given%t
     end function shaped
 
-    !> Loads are given for each sample, or once for all.
+    !> Loads are given for each sample, or once for all; where there are none, there are none of each sample.
     pure integer function n_loads(model, given) result(n)
         type(model_type), intent(in) :: model
         type(flat_motion), intent(in) :: given
 
-        n = merge(1, given%n, size(given%load) == 6*model%n_load)
+        n = merge(1, given%n, model%n_load > 0 .and. size(given%load) == 6*model%n_load)
     end function n_loads
 
     !> Does a result follow from what a motor's transmission passes on?
