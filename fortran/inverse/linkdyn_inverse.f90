@@ -277,7 +277,7 @@ contains
         counts_turns = .false.
         if (present(turns)) counts_turns = results%wants(result_joint_variable)
         if (counts_turns .and. .not. (present(own) .or. results%wants(result_joint_rate))) then
-            allocate (own_rate(model%n_variable, n))
+            allocate (own_rate(model%n_variable, n), source=0.0_wp)    ! not all variables of all joints have rates told
             call results%put(result_joint_rate, own_rate)
         end if
         some_turned = .false.

@@ -739,7 +739,7 @@ contains
 
         name = name_at(reader%text, reader%next)
         unit = name(:verify(name//" ", letters) - 1)           ! "kgcm2" without its exponent
-        if (is_unit_name(name)) then
+        if (is_unit_name(name) .and. stands_behind_name(reader)) then
             call fail(reader, "has the unit "//quoted(rest_of(reader))//" behind what is no number " &
                       //"(expected it behind one: 'k*2 N' in place of '2*k N')")
         else if (len(name) > 0 .and. (unit == name .or. two_units(unit) /= "")) then
@@ -752,6 +752,18 @@ contains
             call fail(reader, "has "//quoted(rest_of(reader))//" where an operator is expected")
         end if
     end subroutine refuse_rest
+
+    !> Is what was read last a name or a bracket, not a number?
+    pure logical function stands_behind_name(reader)
+        type(reader_type), intent(in) :: reader
+        character(len=:), allocatable :: before
+        integer :: first
+
+        before = trim(reader%text(:reader%next - 1))
+        first = verify(before, name_letters, back=.true.) + 1
+        stands_behind_name = index(before, ")", back=.true.) == len(before)
+        if (first <= len(before)) stands_behind_name = scan(before(first:first), figures) == 0
+    end function stands_behind_name
 
     function rest_of(reader) result(rest)
         type(reader_type), intent(in) :: reader
