@@ -21,8 +21,7 @@ module linkdyn_newton_group
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, reach_of, side_of, &
-        step_rus, &
-        is_dyad, is_rod_leg
+        step_rus, is_dyad, is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given

@@ -185,30 +185,47 @@ contains
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         type(programs_at_hand) :: programs
         type(inverse_results) :: part
+        real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
         integer :: n, first, last, length
 
         n = size(motion%q, 2)
+        if (needs_rates()) then                                 ! before a record is chosen, which has to tell them
+            allocate (own_rate(model%n_variable, n))
+            call results%put(result_joint_rate, own_rate)
+        end if
         call look_for_programs(max(n, solver%n_expected))
         length = n
         if (.not. present(known)) length = samples_of_a_round(model, n)
         if (length == n) then
             call run_round(model, solver, threads, motion, programs, results, trail, known, own, turns)
-            return
+        else
+            call run_rounds()
         end if
-        results%roads = road_counts()
-        results%lost_sample = 0
-        do first = 1, n, length
-            last = min(n, first + length - 1)
-            part = part_of_results(results, first, last)
-            if (associated(results%load)) part%load => results%load(:, :, first:last)
-            call run_round(model, solver, threads, motion%part(first, last), programs, part, trail, own=own, turns=turns)
-            results%roads = results%roads + part%roads
-            if (results%lost_sample > 0 .or. part%lost_sample == 0) cycle
-            results%lost_sample = first - 1 + part%lost_sample
-            results%lost_in_words = part%lost_in_words
-        end do
+        if (allocated(own_rate)) nullify (results%of(result_joint_rate)%x)
 
     contains
+
+        !> Turns are counted by the rates of joints.
+        logical function needs_rates()
+            needs_rates = .false.
+            if (.not. present(turns) .or. present(own)) return
+            needs_rates = results%wants(result_joint_variable) .and. .not. results%wants(result_joint_rate)
+        end function needs_rates
+
+        subroutine run_rounds()
+            results%roads = road_counts()
+            results%lost_sample = 0
+            do first = 1, n, length
+                last = min(n, first + length - 1)
+                part = part_of_results(results, first, last)
+                if (associated(results%load)) part%load => results%load(:, :, first:last)
+                call run_round(model, solver, threads, motion%part(first, last), programs, part, trail, own=own, turns=turns)
+                results%roads = results%roads + part%roads
+                if (results%lost_sample > 0 .or. part%lost_sample == 0) cycle
+                results%lost_sample = first - 1 + part%lost_sample
+                results%lost_in_words = part%lost_in_words
+            end do
+        end subroutine run_rounds
 
         !> The records and programs that serve, made when they are wanted first.
         subroutine look_for_programs(n_all)
@@ -267,7 +284,6 @@ contains
         type(sample_assembly), target :: assembly
         class(margin_source), pointer :: margins
         logical, allocatable :: turned(:)                       ! attitudes of a sample go by quaternions; absent: nobody asks
-        real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
         integer :: n, i
         logical :: has_stand_ins, is_on_way, counts_turns, some_turned, all_turned
 
@@ -276,10 +292,6 @@ contains
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         counts_turns = .false.
         if (present(turns)) counts_turns = results%wants(result_joint_variable)
-        if (counts_turns .and. .not. (present(own) .or. results%wants(result_joint_rate))) then
-            allocate (own_rate(model%n_variable, n), source=0.0_wp)    ! not all variables of all joints have rates told
-            call results%put(result_joint_rate, own_rate)
-        end if
         some_turned = .false.
         if (associated(motion%quaternion)) some_turned = any(motion%quaternion /= 0)
         if (some_turned .or. counts_turns) turned = [(motion%is_turned(i), i=1, n)]
@@ -370,7 +382,6 @@ contains
                 call count_turns_on_way(model, solver%places%closing, motion%q, motion%qd, results%of(result_joint_rate)%x, &
                                         turned, batch%stand, results%of(result_joint_variable)%x, turns)
             end if
-            if (allocated(own_rate)) nullify (results%of(result_joint_rate)%x)
         end subroutine count_turns
     end subroutine run_round
 

@@ -217,8 +217,6 @@ contains
         qd = spread(to - from%q, 2, n + 1)
         qdd = 0
         load = 0
-        variable = 0
-        rate = 0
         call results%put(result_joint_variable, variable)
         call results%put(result_joint_rate, rate)
         results%status(1:n + 1) => status

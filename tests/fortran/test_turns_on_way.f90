@@ -38,12 +38,23 @@ module test_turns_on_way
         '[[coordinate]]'//lf//'joint = "X"'//lf//'start = 0.1'//lf// &
         '[[coordinate]]'//lf//'joint = "Y"'//lf//'start = 0.05'//lf
 
+    !> Two wheels of one size, meshing.
+    character(len=*), parameter :: wheels = 'space = "planar"'//lf// &
+        '[frame]'//lf//'markers = { A = [0, 0], B = [0.2, 0] }'//lf// &
+        '[[link]]'//lf//'name = "first"'//lf//'mass = 1'//lf//'inertia = 0.1'//lf//'markers = { O = [0, 0] }'//lf// &
+        '[[link]]'//lf//'name = "second"'//lf//'mass = 1'//lf//'inertia = 0.1'//lf//'markers = { O = [0, 0] }'//lf// &
+        '[[joint]]'//lf//'name = "A"'//lf//'type = "revolute"'//lf//'between = ["frame.A", "first.O"]'//lf// &
+        '[[joint]]'//lf//'name = "B"'//lf//'type = "revolute"'//lf//'between = ["frame.B", "second.O"]'//lf// &
+        '[[joint]]'//lf//'name = "mesh"'//lf//'type = "gear"'//lf//'between = ["first.O", "second.O"]'//lf// &
+        'teeth = [20, 20]'//lf//'[[coordinate]]'//lf//'joint = "A"'//lf
+
 contains
 
     subroutine collect_turns_on_way(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("a leg led over its pole again and again", test_pole)]
+        tests = [new_test("a leg led over its pole again and again", test_pole), &
+                 new_test("rates that nobody else wants", test_own_rates)]
     end subroutine collect_turns_on_way
 
     !> So close to the pole that no pieces of the way tell how the leg's first axis turns: after some looks in vain few more are
@@ -98,4 +109,42 @@ contains
             call check(error, all(told == sample_ok), "all samples are found")
         end subroutine go
     end subroutine test_pole
+
+    !> Half of what a step of this size may turn an angle by is told by the rates at its ends alone: no closer looks are taken, though the
+    !> caller wants variables only.
+    subroutine test_own_rates(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 1000
+        real(wp), parameter :: step = 1.2_wp
+        type(scene_type) :: scene
+        type(model_type) :: model
+        type(status_type) :: status
+        type(inverse_solver) :: solver
+        type(inverse_results) :: results
+        type(assembly_trail) :: trail
+        type(turn_count) :: turns
+        real(wp), target :: q(1, n), qd(1, n), qdd(1, n), load(6, 0, n)
+        real(wp), allocatable, target :: variable(:, :)
+        integer, target :: told(n)
+        integer :: i
+
+        call parse_scene(wheels, "wheels.toml", "", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        if (status%is_ok()) call prepare_inverse(model, inverse_options(wants_forces=.false.), .false., solver, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (allocated(error%message)) return
+        q(1, :) = [(step*i, i=0, n - 1)]
+        qd = 1
+        qdd = 0
+        allocate (variable(model%n_variable, n))
+        call results%put(result_joint_variable, variable)
+        results%status(1:n) => told
+        call run_prepared(model, solver, 1, motion_of(q, qd, qdd, load), results, trail=trail, turns=turns)
+        call check(error, all(told == sample_ok), "all samples are found")
+        associate (driven => model%joint(findloc(model%joint%name, "B", dim=1))%first_variable + 1)
+            call check(error, all(abs(variable(driven, :) + q(1, :)) < 1.0e-9_wp), "a wheel turns as its gear says")
+        end associate
+        call check(error, turns%n_piece == 0, to_text(turns%n_piece)//" pieces of ways")
+        call solver%free()
+    end subroutine test_own_rates
 end module test_turns_on_way
