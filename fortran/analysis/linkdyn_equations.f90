@@ -22,7 +22,7 @@ module linkdyn_equations
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_friction_balance, only: balance_friction, driven_press
     use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, knows_slopes, pressing_forces, &
-        linear_press
+        linear_press, rubs_as_pressed
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
     use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown, in_shared, in_stop, in_clutch
@@ -586,7 +586,6 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        real(wp), parameter :: misfit = 1e-6_wp
         real(wp), dimension(lanes, size(equations%rub)) :: force, force_before
         real(wp), dimension(lanes) :: change, change_before
         logical :: is_settled(lanes), has_come(lanes)
@@ -621,14 +620,10 @@ contains
         call spare_lanes_follow()
         call solve_forces(model, equations, workspace)
         call find_pressing_forces(model, equations, workspace, force)
-        do i = 1, size(equations%rub)
-            do lane = 1, workspace%n_used
-                if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
-                associate (found => workspace%friction%factor(lane, i)*force(lane, i))
-                    if (.not. abs(found - workspace%friction%amount(lane, i)) <= misfit*max(found, &
-                        workspace%friction%factor(lane, i)*maxval(force(lane, :)))) workspace%status(lane) = sample_not_converged
-                end associate
-            end do
+        do lane = 1, workspace%n_used
+            if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
+            if (.not. rubs_as_pressed(workspace%friction%factor(lane, :), force(lane, :), workspace%friction%amount(lane, :), &
+                                      workspace%driving_force(lane, :))) workspace%status(lane) = sample_not_converged
         end do
 
     contains

@@ -8,7 +8,8 @@ module linkdyn_friction_state
     use linkdyn_model, only: driven_type
     implicit none (type, external)
     private
-    public :: friction_state, prepare_friction, find_factors, pressing_forces, knows_slopes, linear_press
+    public :: friction_state, prepare_friction, find_factors, pressing_forces, knows_slopes, linear_press, &
+        rubs_as_pressed
 
     type :: friction_state
         real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
@@ -101,4 +102,13 @@ contains
             end do
         end do
     end subroutine pressing_forces
+
+    !> Is friction what presses makes it, but for rounding? What presses by less than a trifle of what drives give is all rounding.
+    pure logical function rubs_as_pressed(factor, force, amount, given)
+        real(wp), intent(in) :: factor(:), force(:), amount(:)     !! see `friction_state`, of one lane (contact)
+        real(wp), intent(in) :: given(:)               !! what drives give (actuator) [N, N m]
+        real(wp), parameter :: misfit = 1.0e-6_wp, trifle = 1.0e-8_wp
+
+        rubs_as_pressed = all(abs(factor*force - amount) <= misfit*factor*max(maxval(force), trifle*maxval(abs(given))))
+    end function rubs_as_pressed
 end module linkdyn_friction_state

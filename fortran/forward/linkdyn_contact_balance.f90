@@ -5,7 +5,7 @@
 module linkdyn_contact_balance
     use linkdyn_contact, only: contact_type, n_press, pressing
     use linkdyn_friction_balance, only: balance_friction, driven_press
-    use linkdyn_friction_state, only: friction_state, linear_press
+    use linkdyn_friction_state, only: friction_state, linear_press, rubs_as_pressed
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: driven_type
@@ -183,7 +183,7 @@ contains
 
     !> Is what is held where it should be, and is friction what presses makes it, but for rounding of what both take away? Of a lane at
     !> which `begin_there` has been told of both.
-    logical function fits(self, contact, factor, is_held, wanted, lane, push, amount, press)
+    logical function fits(self, contact, factor, is_held, wanted, lane, push, amount, press, given)
         class(contact_responses), intent(in) :: self
         type(contact_type), intent(in) :: contact(:)
         real(wp), intent(in) :: factor(:)              !! (contact) [s/m]
@@ -192,10 +192,12 @@ contains
         integer, intent(in) :: lane
         real(wp), intent(in) :: push(:), amount(:)     !! (held), (contact)
         real(wp), intent(in) :: press(:, :)            !! with both (n_press, contact) [N]
-        real(wp), parameter :: still = 1.0e-8_wp, misfit = 1.0e-6_wp
-        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses: forces that count, which what holds may have but rounding of
+        real(wp), intent(in) :: given(:)               !! what drives give (actuator)
+        real(wp), parameter :: still = 1.0e-8_wp
+        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses and drives: forces that count, which what holds may have but
+                                                       !! rounding of
         real(wp), dimension(size(push)) :: away, taken
-        real(wp) :: force(size(contact))
+        real(wp) :: force(size(contact)), at_work
         integer :: k
 
         away = self%away(lane, :)
@@ -205,11 +207,12 @@ contains
             away = away + amount(k)*self%of_amount%away(lane, :, k)
             taken = max(taken, abs(amount(k)*self%of_amount%away(lane, :, k)))
         end do
+        at_work = max(maxval(force), maxval(abs(given)))
         do k = 1, size(push)
             away = away + push(k)*self%of_push%away(lane, :, k)
-            taken = max(taken, abs(self%of_push%away(lane, :, k))*max(abs(push(k)), small*maxval(force)))
+            taken = max(taken, abs(self%of_push%away(lane, :, k))*max(abs(push(k)), small*at_work))
         end do
         fits = all(abs(wanted - away) <= still*maxval(taken, mask=is_held) .or. .not. is_held) &
-               .and. all(abs(factor*force - amount) <= misfit*factor*maxval(force))
+               .and. rubs_as_pressed(factor, force, amount, given)
     end function fits
 end module linkdyn_contact_balance

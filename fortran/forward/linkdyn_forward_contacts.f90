@@ -160,7 +160,8 @@ contains
                 if (workspace%status(lane) /= sample_ok) cycle
                 ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
                 if (.not. found%fits(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), lane, &
-                                     push(lane, :), friction%amount(lane, :), friction%press(lane, :, :))) &
+                                     push(lane, :), friction%amount(lane, :), friction%press(lane, :, :), &
+                                     workspace%driving_force(lane, :))) &
                     workspace%status(lane) = sample_not_converged
             end do
         end associate
