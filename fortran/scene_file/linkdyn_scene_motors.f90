@@ -77,6 +77,8 @@ contains
                 place%what = "actuator "//quoted(actuator%name)//", drive"
                 place%line = motor%line
                 if (actuator%law%side /= side_joint) call require_for_law(place, actuator, status)
+                if (motor%resistance > 0 .and. .not. motor%torque_constant > 0) call refuse(place, "key 'resistance' has no "// &
+                    "meaning without 'torque_constant' beside it", status)
                 if (actuator%law%side == side_joint .and. motor%brake%is_given) call refuse(place, "key 'brake' "// &
                     "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
                     "law = { .., at = ""motor"" }, or a controller there)", status, motor%brake%line)

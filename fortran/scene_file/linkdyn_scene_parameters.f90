@@ -18,7 +18,7 @@ module linkdyn_scene_parameters
     use linkdyn_expression, only: measured_value
     implicit none (type, external)
     private
-    public :: varied_numbers, check_parameter, find_numbers, vary_numbers, added_unit, add_unit
+    public :: varied_numbers, check_parameter, is_there, find_numbers, vary_numbers, added_unit, add_unit
 
     integer, parameter :: key_len = 256
 
@@ -74,6 +74,17 @@ contains
         if (problem == "") call check_numbers(found%node, variables, allows_list, number, problem)
         if (problem /= "") call refuse(place, "parameter "//quoted(path)//": "//problem, status)
     end subroutine check_parameter
+
+    !> Does a path lead to anything?
+    logical function is_there(root, path)
+        type(toml_node), intent(in) :: root
+        character(len=*), intent(in) :: path
+        type(number_at) :: found
+        character(len=:), allocatable :: problem
+
+        call walk(root, path, found, problem)
+        is_there = problem == ""
+    end function is_there
 
     recursive subroutine check_numbers(node, variables, allows_list, value, problem)
         type(toml_node), intent(in) :: node

@@ -7,7 +7,7 @@ module linkdyn_scene_sweep
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
-    use linkdyn_scene_parameters, only: added_unit, check_parameter
+    use linkdyn_scene_parameters, only: added_unit, check_parameter, is_there
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep_quantities, only: described => quantity_type, describe_quantity
@@ -19,10 +19,10 @@ module linkdyn_scene_sweep
         sampling_sobol, sampling_name, set_value, multiply_by, operation_name, quantity_name, n_quantity, quantity_motor_torque, &
         quantity_motor_speed, quantity_motor_power, quantity_motor_current, quantity_torque_margin, quantity_driving_force, &
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, &
-        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_swing, &
-        quantity_clearance, quantity_contact_force, quantity_pressure_angle
+        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_condition, &
+        quantity_determinant, quantity_swing, quantity_clearance, quantity_contact_force, quantity_pressure_angle
     use linkdyn_sweep_totals, only: fixed_outcome
-    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_text, only: to_text, quoted, join, one_of
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
         time_span, wattage, per_second, dimension_text, si_unit_text
@@ -101,8 +101,34 @@ contains
                 added(i), status)
             if (.not. status%is_ok()) return
         end do
+        call refuse_motions_at_rest(place, list, root, scene%sweep%axis, status)
         call form_groups(place, group, combination == 2, scene%sweep, status)
     end subroutine read_axes
+
+    !> Without an axis over time coordinates rest at their starts: what moves them has no part in any sample, but where a motion begins
+    !> is the start of a coordinate that says none.
+    subroutine refuse_motions_at_rest(place, list, root, axis, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: list, root
+        type(axis_spec), intent(in) :: axis(:)
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: path
+        integer :: i, k, end_of_name
+
+        if (any(axis%kind == axis_time)) return
+        do i = 1, size(axis)
+            if (axis(i)%kind /= axis_parameter) cycle
+            do k = 1, size(axis(i)%parameter)
+                path = trim(axis(i)%parameter(k)%path)
+                end_of_name = index(path, ".motion.") - 1
+                if (index(path, "coordinate.") /= 1 .or. end_of_name < 0 .or. .not. status%is_ok()) cycle
+                if (.not. is_there(root, path(:end_of_name)//".start")) cycle
+                call refuse(place_at(place, list%at(i), "sweep axis "//to_text(i)), "parameter "//quoted(path) &
+                    //" changes nothing: without an axis over time the coordinate rests at its 'start' (expected an axis with " &
+                    //"time = true, or no 'start')", status)
+            end do
+        end do
+    end subroutine refuse_motions_at_rest
 
     subroutine read_axis(at, root, scene, axis, group, added, status)
         type(scene_place), intent(in) :: at
@@ -335,6 +361,8 @@ contains
             if (.not. place%variables%was_used(path(len(table) + 2:))) call refuse(place, "parameter "//quoted(path)// &
                 " changes nothing: no number of the scene refers to that variable (expected one that is used)", status)
         end if
+        if (status%is_ok() .and. table == "time" .and. path /= "time.start") call refuse(place, "parameter "//quoted(path)// &
+            " changes nothing: samples of a sweep are those of its axes (expected an axis with time = true)", status)
         is_of_actuator = table == "actuator" .and. any([(index(path, trim(of_actuator(i))) > 0, i=1, size(of_actuator))])
         if (.not. (any(forward_alone == table) .or. is_of_actuator)) return
         if (status%is_ok()) call refuse(place, "parameter "//quoted(path)//" only affects forward runs, and a sweep is of "// &
@@ -753,7 +781,25 @@ contains
                 if (spec%wants(id) .and. status%is_ok()) call refuse_without_motors(place, scene, id, status)
                 if (spec%wants(id) .and. status%is_ok()) call refuse_without_cams(place, scene, id, status)
             end do
+            call refuse_unasked("on", [quantity_force_amplification, quantity_moment_amplification])
+            call refuse_unasked("length", [quantity_condition, quantity_determinant])
+            call refuse_unasked("clearance", [quantity_clearance])
+            call refuse_unasked("swing", [quantity_swing])
         end associate
+
+    contains
+
+        !> What a key says is of quantities that nobody wants.
+        subroutine refuse_unasked(key, quantity)
+            character(len=*), intent(in) :: key
+            integer, intent(in) :: quantity(:)
+            type(toml_node) :: node
+
+            node = place%node%get(key)
+            if (.not. node%is_present() .or. any(scene%sweep%wants(quantity)) .or. .not. status%is_ok()) return
+            call refuse_value(place, key, node, "changes nothing: no "//one_of(quantity_name(quantity)) &
+                //" is asked for (expected that in 'reduce', 'keep', a limit or a constraint)", status)
+        end subroutine refuse_unasked
     end subroutine check_wishes
 
     !> Motors must be there of which something is told.
