@@ -26,6 +26,7 @@ module linkdyn_step_curve
     !> places within fill blocks of 16 lanes but for two.
     integer, parameter :: n_piece(2) = merge([15, 31], [31, 63], precision(1.0_wp) < 20)
     integer, parameter :: most_iterations = 24
+    integer, parameter :: strip = 8                       !! rows of one state that are worked on together
     !> Of the error allowed: so much may stay open. Steps are better than they must be, and the curve is to be no worse.
     real(wp), parameter :: settled = 1.0e-3_wp
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)   !! of rates and their sums, relative
@@ -105,29 +106,36 @@ contains
         real(wp), intent(in) :: close(:)                  !! what may stay open (n)
         type(curve_table), intent(in) :: table
         logical, intent(out) :: wants_more                !! pieces
-        real(wp) :: f(size(y), 0:table%n)                 ! rates at the places
-        real(wp), dimension(size(y), table%n - 1) :: along, now    ! ways to those within
+        real(wp) :: f(strips(y), 0:table%n)               ! rates at the places
+        real(wp), dimension(strips(y), table%n - 1) :: along, now  ! ways to those within
+        real(wp) :: term(strips(y), table%n + 2), integral(0:table%n, table%n + 2)
         real(wp) :: lacks(size(y)), open, before, last
-        integer :: iteration
+        integer :: iteration, n
         logical :: has_failed
 
+        n = size(y)
         wants_more = .false.
-        f(:, 0) = rate
-        f(:, table%n) = rate_end
-        along = matmul(self%term, table%value(:size(self%term, 2), :))
+        f = 0
+        f(:n, 0) = rate
+        f(:n, table%n) = rate_end
+        term = 0
+        term(:n, :size(self%term, 2)) = self%term
+        call combine(term, table%value, along)
         before = huge(before)
+        integral = (length/2)*table%integral
         do iteration = 1, most_iterations
-            call find_rates(system, t, length, y, table%share, along, f(:, 1:table%n - 1), self%n_evaluation, has_failed)
+            call find_rates(system, t, length, y, table%share, along(:n, :), f(:n, 1:table%n - 1), self%n_evaluation, has_failed)
             if (has_failed) return
-            self%term = matmul(f, (length/2)*table%integral)
+            call combine(f, integral, term)
             ! Every polynomial of these is one at the end.
-            lacks = way - sum(self%term, dim=2)
-            self%term(:, 1) = self%term(:, 1) + lacks/2
-            self%term(:, 2) = self%term(:, 2) + lacks/2
-            now = matmul(self%term, table%value)
-            open = maxval(maxval(abs(now - along), dim=2)/close)
-            last = maxval(maxval(abs(self%term(:, table%n:)), dim=2)/close)
+            lacks = way - sum(term(:n, :), dim=2)
+            term(:n, 1) = term(:n, 1) + lacks/2
+            term(:n, 2) = term(:n, 2) + lacks/2
+            call combine(term, table%value, now)
+            open = maxval(maxval(abs(now(:n, :) - along(:n, :)), dim=2)/close)
+            last = maxval(maxval(abs(term(:n, table%n:)), dim=2)/close)
             along = now
+            self%term = term(:n, :)
             if (.not. open <= huge(open)) return
             if (iteration > 1 .and. open*min(1.0_wp, open/before) <= max(1.0_wp, last)) exit
             if (iteration > 2 .and. .not. will_end(iteration, open, open/before)) return
@@ -136,6 +144,32 @@ contains
         wants_more = last > 1
         self%is_there = iteration <= most_iterations .and. last <= 1 .and. all(abs(lacks) <= unexpected*allowed)
     end subroutine iterate
+
+    !> Rows that so many numbers take in whole strips.
+    pure integer function strips(y)
+        real(wp), intent(in) :: y(:)
+
+        strips = strip*((size(y) + strip - 1)/strip)
+    end function strips
+
+    !> The matrix product columns*weight, strip by strip: its sums stay in registers.
+    pure subroutine combine(columns, weight, found)
+        real(wp), contiguous, intent(in) :: columns(:, :)     !! (row, k)
+        real(wp), contiguous, intent(in) :: weight(:, :)      !! (k, j)
+        real(wp), contiguous, intent(out) :: found(:, :)      !! (row, j)
+        real(wp) :: total(strip)
+        integer :: first, j, k
+
+        do first = 1, size(found, 1), strip
+            do j = 1, size(found, 2)
+                total = 0
+                do k = 1, size(columns, 2)
+                    total = total + columns(first:first + strip - 1, k)*weight(k, j)
+                end do
+                found(first:first + strip - 1, j) = total
+            end do
+        end do
+    end subroutine combine
 
     !> Will what is open have been settled in time? The k-th iteration leaves the part c/k of it, c the step times the largest rate
     !> at which errors grow or fade.
