@@ -544,7 +544,7 @@ contains
         whole%n = whole%n + part%n
     end subroutine join_events
 
-    !> Of values that are alike but for rounding, as a symmetric motion has, the first is noted: which of them is the largest
+    !> Note a peak; of values that are alike but for rounding, as a symmetric motion has, the first: which of them is the largest
     !> differs from machine to machine.
     pure subroutine raise_peak(value, time, place, peak)
         real(wp), intent(in) :: value, time

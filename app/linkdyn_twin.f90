@@ -17,7 +17,7 @@ module linkdyn_twin
 
 contains
 
-    !> Its path; blank if there is none.
+    !> Path of the quadruple build's command; blank if there is none.
     function find_twin() result(path)
         character(len=:), allocatable :: path
         character(len=path_len) :: text
@@ -67,7 +67,7 @@ contains
         if (is_known) call take_columns(table, ["q"], q, is_known)
     end subroutine ask_forward
 
-    !> Its results come through a pipe.
+    !> Run the quadruple build's command; its results come through a pipe.
     subroutine run_twin(word, input, table, is_known)
         type(word_type), intent(in) :: word(:)
         character(len=*), intent(in) :: input

@@ -1,8 +1,9 @@
-"""Check that what the pages name is there: paths, links with their anchors, names of the code, and names in the modules that are said to have them.
+"""Check that what pages and comments name is there: paths, links with their anchors, names of the code, names in the modules said to have them.
 
 Usage: check_docs.py [ROOT]
 
-Prints one line per finding; exit status 1 if there is any. Looked at are README.md, CONTRIBUTING.md and the pages of docs/.
+Prints one line per finding; exit status 1 if there is any. Looked at are README.md, CONTRIBUTING.md, the pages of docs/, and what
+comments and docstrings of the engine and the package have in `backticks`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 
 PAGES = re.compile(r"^(README|CONTRIBUTING)\.md$|^docs/[\w-]+\.md$|^examples/README\.md$")
+COMMENTED = re.compile(r"^(fortran|app|c|python)/.*\.(f90|c|h|cpp|py)$")
 CODE = re.compile(r"\.(f90|inc|in|c|h|cpp|hpp|py|js|build|options|toml|yml|css|html|csv)$|^Makefile$")
 TEXT = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)")
@@ -37,7 +39,7 @@ class Tree:
     texts: dict[str, str]
     """Of pages and of code, by path."""
     words: frozenset[str]
-    """Of the code."""
+    """Of the code, but for those in backticks."""
     by_name: dict[str, list[str]]
     """Files and folders by their last name, with and without its ending."""
 
@@ -55,12 +57,17 @@ def read_tree(root: Path) -> Tree:
     files = [file for file in listed if (root / file).is_file()]
     texts = {file: (root / file).read_text(encoding="utf-8", errors="replace") for file in files if file.endswith(".md") or CODE.search(file)}
     folders = {str(parent) for file in files for parent in PurePosixPath(file).parents}
-    words = {word for file, text in texts.items() if CODE.search(file) for word in re.findall(r"\w+", text)}
+    words = {word for file, text in texts.items() if CODE.search(file) for word in re.findall(r"\w+", without_quotes(file, text))}
     by_name: dict[str, list[str]] = {}
     for path in {*files, *folders}:
         for name in {PurePosixPath(path).name, PurePosixPath(path).stem}:
             by_name.setdefault(name, []).append(path)
     return Tree(texts, frozenset(words), by_name)
+
+
+def without_quotes(file: str, text: str) -> str:
+    """What is no mention of a name: in JavaScript backticks hold texts."""
+    return text if file.endswith(".js") else TEXT.sub("", text)
 
 
 @cache
@@ -130,10 +137,13 @@ def find_untrue(root: Path) -> list[str]:
         for number, line in enumerate(tree.texts[page].splitlines(), 1):
             told = broken_links(root, page, line) + unknown_names(tree, line) + misplaced_names(tree, line)
             findings += [f"{page}:{number}: {finding}" for finding in told]
+    for file in sorted(file for file in tree.texts if COMMENTED.search(file)):
+        for number, line in enumerate(tree.texts[file].splitlines(), 1):
+            findings += [f"{file}:{number}: {finding}" for finding in unknown_names(tree, line)]
     return findings
 
 
 if __name__ == "__main__":
     problems = find_untrue(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
-    print("\n".join(problems) if problems else "the pages name what is there")
+    print("\n".join(problems) if problems else "pages and comments name what is there")
     sys.exit(1 if problems else 0)

@@ -95,7 +95,7 @@ contains
         end do
     end subroutine find_part_of_cams
 
-    !> Of an outline in a direction, from knot to knot in a straight line.
+    !> Distance of an outline in a direction, from knot to knot in a straight line.
     pure real(wp) function distance_at(sight, direction) result(distance)
         type(cam_sight), intent(in) :: sight
         real(wp), intent(in) :: direction              !! [rad]

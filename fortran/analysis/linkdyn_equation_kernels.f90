@@ -273,7 +273,7 @@ contains
         call finish()
     end subroutine need_answers
 
-    !> Of which kernels are made: the head of their family, or the model itself.
+    !> The model of which kernels are made: the head of their family, or the model itself.
     function traced_model(model, kernels) result(traced)
         type(model_type), intent(in), target :: model
         type(equation_kernels), intent(in) :: kernels
@@ -324,7 +324,7 @@ contains
         call finish()
     end subroutine need_solving
 
-    !> By which pivots are chosen.
+    !> Representative samples, by which pivots are chosen.
     subroutine find_samples(model, kernels, sample)
         type(model_type), intent(in) :: model
         type(equation_kernels), intent(in) :: kernels

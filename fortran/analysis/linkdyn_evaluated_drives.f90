@@ -16,7 +16,7 @@ module linkdyn_evaluated_drives
     private
     public :: evaluated_drives, evaluate_drives, leave_drives, free_drives
 
-    !> Of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all runs that
+    !> Laws of drives of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all runs that
     !> share programs together.
     type :: evaluated_drives
         type(lane_program), pointer, private :: lane => null()

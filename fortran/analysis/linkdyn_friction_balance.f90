@@ -170,7 +170,7 @@ contains
         end subroutine follow
     end subroutine balance_friction
 
-    !> By elimination with pivoting; upright if the determinant is positive.
+    !> Solve linear equations by elimination with pivoting; upright if the determinant is positive.
     pure subroutine solve(matrix, right, is_upright)
         real(wp), intent(inout) :: matrix(:, :)
         real(wp), intent(inout) :: right(:)

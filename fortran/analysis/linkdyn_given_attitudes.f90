@@ -187,7 +187,7 @@ contains
 
     contains
 
-        !> Of the first link that quaternions lead.
+        !> Name of the first link that quaternions lead.
         function leading_name() result(name)
             character(len=:), allocatable :: name
             integer :: s

@@ -50,7 +50,7 @@ contains
         call release_records()
     end subroutine kernels_of
 
-    !> Likewise that of their drives.
+    !> The shared kernel of drive laws; null if nobody shares.
     subroutine drives_of(model, mine, drives)
         type(model_type), intent(in) :: model
         type(shared_programs), pointer, intent(in) :: mine
@@ -64,7 +64,7 @@ contains
         call release_records()
     end subroutine drives_of
 
-    !> Of laws that compare a joint's motion with another one.
+    !> Make the kernel of laws that compare a joint's motion with another one.
     subroutine make_drive_kernel(model, drives)
         type(model_type), intent(in) :: model
         type(lane_program), pointer, intent(out) :: drives

@@ -92,7 +92,7 @@ contains
         text = code_in_use()
     end subroutine api_code
 
-    !> Of forward runs.
+    !> Name of the method that forward runs take if nobody says one.
     subroutine api_default_method(text)
         character(len=5), intent(out) :: text
 

@@ -89,7 +89,7 @@ contains
                   //"(expected as many actuators as coordinates)")
     end subroutine refuse_shared_work
 
-    !> Of an over-constrained mechanism not every way to close one loop lets the others close. Where nothing else chooses, such a way
+    !> Choose branches that let all loops close: in an over-constrained mechanism not every way to close one does. Where nothing else chooses, such a way
     !> is taken that does; if there is none, the model stays as it is.
     subroutine choose_fitting_branches(scene, model, closed_forms)
         type(scene_type), intent(in) :: scene
@@ -528,7 +528,7 @@ contains
         to = from
     end subroutine copy_model
 
-    !> Likewise.
+    !> Copy a scene, once in the object code as well.
     subroutine copy_scene(from, to)
         type(scene_type), intent(in) :: from
         type(scene_type), intent(inout) :: to

@@ -14,7 +14,7 @@ module linkdyn_closed_forms
 
 contains
 
-    !> Of a dyad the inner joint's ways with both links.
+    !> How the inner joint of a dyad moves with either link.
     subroutine see_dyad(model, step, state, determinant, product, lengths)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -28,7 +28,7 @@ contains
         lengths = found(:, 3)
     end subroutine see_dyad
 
-    !> Of all dyads, 0 (a dead point) to pi/2 (best): between the two ways. Of hinged links it is the angle between the links, folded
+    !> Transmission angles of all dyads, 0 (a dead point) to pi/2 (best): between the two ways. Of hinged links it is the angle between the links, folded
     !> into the first quadrant.
     subroutine transmission_angles(model, state, angle)
         type(model_type), intent(in) :: model

@@ -15,7 +15,7 @@ module linkdyn_given
 
 contains
 
-    !> Its value on all lanes [m, rad].
+    !> Value of a coordinate on all lanes [m, rad].
     function given_position(model, state, c, own) result(q)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state

@@ -157,7 +157,7 @@ contains
         end associate
     end subroutine look_at_joints
 
-    !> By what angle the nut that is farthest off its thread is off it, where the iteration stands.
+    !> Angle by which the nut that is farthest off its thread is off it, where the iteration stands.
     function angle_off_threads(model, use, state) result(angle)
         type(model_type), intent(in) :: model
         type(kernel_use), intent(in) :: use

@@ -164,7 +164,7 @@ contains
         end do
     end subroutine list_attempts
 
-    !> Of attempts that have arrived somewhere, at most as many as there are lanes: assemblies that are new, and the nearest so far.
+    !> Note the attempts that have arrived somewhere, at most as many as there are lanes: assemblies that are new, and the nearest so far.
     subroutine note_assemblies(model, g, place, has_arrived, state, found)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g                           !! the group's number
@@ -390,7 +390,7 @@ contains
 
     contains
 
-        !> Of joint i of the group: given by a coordinate, else its start, and beyond the second attempt some other, at first
+        !> Variables of joint i of the group: given by a coordinate, else its start, and beyond the second attempt some other, at first
         !> near the start, then anywhere.
         function variables(i) result(q)
             integer, intent(in) :: i
@@ -416,7 +416,7 @@ contains
             end associate
         end function variables
 
-        !> By a coordinate, or by gears from joints that are placed before the group?
+        !> Is a joint variable given: by a coordinate, or by gears from joints that are placed before the group?
         pure logical function is_given(c)
             integer, intent(in) :: c
             integer :: s

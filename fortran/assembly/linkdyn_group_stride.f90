@@ -222,7 +222,7 @@ contains
 
     ! ---------------------------------------------------------------- predictions
 
-    !> Of samples of a block in polynomials through them, for the samples of the next block.
+    !> Weights of a block's samples in polynomials through them, for the samples of the next block.
     pure function weights_of(point, n) result(weight)
         integer, intent(in) :: point(:), n
         real(wp) :: weight(n, size(point))
@@ -235,7 +235,7 @@ contains
         end do
     end function weights_of
 
-    !> By the rates at the last sample, one for each coordinate.
+    !> Predict places by the rates at the last sample, one for each coordinate.
     subroutine lead_by_tangents(model, closer, at, branch, first, last, place)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer

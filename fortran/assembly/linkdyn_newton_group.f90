@@ -188,7 +188,7 @@ contains
         end function arm_length
     end function least_closed_margins
 
-    !> Of a link's freedoms the first are shifts, the others turns.
+    !> How many of a link's freedoms are shifts: the first ones; the others are turns.
     pure integer function n_shift(model)
         type(model_type), intent(in) :: model
 
@@ -467,7 +467,7 @@ contains
 
     ! ---------------------------------------------------------------- places
 
-    !> Of a correction the turns of links about the axes of their threads: a small way along a thread is a large angle about it.
+    !> Take the turns of links about the axes of their threads out of a correction: a small way along a thread is a large angle about it.
     !> Whole turns, which change nothing, are taken off the correction itself.
     pure subroutine take_spins_apart(group, place, correction, spin)
         type(group_type), intent(in) :: group

@@ -67,7 +67,7 @@ contains
 
     ! ---------------------------------------------------------------- dyads
 
-    !> Of a dyad's two assemblies: the branch asked for, else that nearest to how its links are drawn.
+    !> Choose one of a dyad's two assemblies: the branch asked for, else that nearest to how its links are drawn.
     subroutine choose_branch(model, step, state, status)
         type(model_type), intent(inout) :: model
         type(step_type), intent(in) :: step
@@ -102,7 +102,7 @@ contains
         state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
-    !> Of two slides: the side to which one is turned off the other at the start.
+    !> Note to which side one of two slides is turned off the other at the start.
     subroutine take_side(model, step, state)
         type(model_type), intent(inout) :: model
         type(step_type), intent(in) :: step

@@ -142,7 +142,7 @@ contains
             place(4:7) = q(1, :)
         end subroutine put
 
-        !> Of a joint's marker on a link, in the world [m].
+        !> Place of a joint's marker on a link, in the world [m].
         function marker(j, l) result(at)
             integer, intent(in) :: j, l
             real(wp) :: at(3)

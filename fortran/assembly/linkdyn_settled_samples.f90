@@ -214,7 +214,7 @@ contains
         end do
     end subroutine remember_nodes
 
-    !> Of which tangents find room.
+    !> How many nodes are kept at most, so that their tangents find room.
     pure integer function most_nodes(model) result(most)
         type(model_type), intent(in) :: model
         integer, parameter :: room = 4000000         !! numbers

@@ -126,7 +126,7 @@ contains
         end associate
     end subroutine measure_way
 
-    !> Of a platform on rods: that which has the margin of what holds its attitude.
+    !> The rod of a platform that has the margin of what holds its attitude.
     pure integer function last_rod_of(model, i) result(last)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i                           !! step of the platform
@@ -168,7 +168,7 @@ contains
         branch = merge(-1, 1, margin(1) < 0)
     end function side_at_start
 
-    !> Its kernels are others then.
+    !> Turn a rod round and choose its kernels anew.
     subroutine turn_rod(model, i, turn)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i, turn

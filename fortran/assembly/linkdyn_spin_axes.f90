@@ -50,7 +50,7 @@ contains
 
     contains
 
-        !> By augmenting paths: the best ball that is free, or whose holder finds another.
+        !> Find a ball by augmenting paths: the best that is free, or whose holder finds another.
         recursive logical function finds_ball(i) result(found)
             integer, intent(in) :: i
             type(hold_spec) :: candidate

@@ -103,7 +103,7 @@ contains
         end associate
     end subroutine slide_along
 
-    !> Of a joint's marker.
+    !> Place of a joint's marker.
     pure function place_of(model, j, side) result(place)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j, side

@@ -18,7 +18,7 @@ module linkdyn_start_distance
     private
     public :: start_distance, measure_distance, is_nearer, has_start
 
-    !> Of one assembly on each lane.
+    !> Distance of one assembly on each lane from the start that is asked for.
     type :: start_distance
         real(wp) :: given(lanes) = 0       !! from what has a start
         real(wp) :: others(lanes) = 0      !! of the other joints, from zero
@@ -144,7 +144,7 @@ contains
         end do
     end function spin_of
 
-    !> Of such a joint: by the line of the link that spins as the other link sees it; if both spin, by the angle between both lines.
+    !> Distance of a joint with a link that spins: by the line of the link that spins as the other link sees it; if both spin, by the angle between both lines.
     function square_of_lines(model, j, state) result(square)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j
@@ -177,7 +177,7 @@ contains
         end associate
     end function square_of_lines
 
-    !> Of two unit vectors.
+    !> Angle between two unit vectors.
     pure function angle_between(a, b) result(angle)
         type(vec3), intent(in) :: a, b
         real(wp) :: angle(lanes)

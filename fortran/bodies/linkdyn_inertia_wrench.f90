@@ -16,7 +16,7 @@ module linkdyn_inertia_wrench
     private
     public :: mass_properties, inertia_wrench, inertia_size
 
-    !> Of one link, link axes.
+    !> Mass properties of one link, link axes.
     type :: mass_properties
         type(value) :: mass                            !! [kg]
         type(vector) :: cog                            !! [m]

@@ -64,7 +64,7 @@ contains
 
     contains
 
-        !> Of a vector in which unknown accelerations may stand.
+        !> Length of a vector in which unknown accelerations may stand.
         type(value) function size_of(v)
             type(vector), intent(in) :: v
 

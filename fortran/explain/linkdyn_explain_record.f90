@@ -49,7 +49,7 @@ contains
         end subroutine explain_program
     end subroutine explain_record
 
-    !> Of a scene that can run forward, by a record.
+    !> Explain the record of rates of a scene that can run forward by one.
     subroutine explain_rates(model, poses, unit)
         type(model_type), intent(in) :: model
         type(representative_poses), intent(inout) :: poses

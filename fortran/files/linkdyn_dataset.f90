@@ -64,7 +64,7 @@ contains
         dataset%dimension = [dataset%dimension, dataset_dimension(name, size_of)]
     end subroutine add_dimension
 
-    !> Its number; 0 if it is not there.
+    !> Number of a dimension by its name; 0 if it is not there.
     pure integer function find_dimension(dataset, name) result(number)
         type(dataset_type), intent(in) :: dataset
         character(len=*), intent(in) :: name

@@ -55,7 +55,7 @@ contains
         r(4:) = components(turned(mechanism%bodies, acting(2)%moment, acting(2)%turning, 0))
     end function belt_reaction
 
-    !> Of the strand that is taut while the first wheel drives forwards, and of the other [N].
+    !> Tensions: of the strand that is taut while the first wheel drives forwards, and of the other [N].
     function strand_forces(mechanism, i) result(tension)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i

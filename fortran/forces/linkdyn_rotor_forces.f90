@@ -36,7 +36,7 @@ contains
         energy = 0.5_wp*(inertia(mechanism, i)*(rate*rate))
     end function rotor_energy
 
-    !> By which the energy of the rotor grows.
+    !> Power by which the energy of the rotor grows.
     function rotor_power(mechanism, i) result(power)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i

@@ -100,7 +100,7 @@ contains
         energy = (0.5_wp*k(1))*square(length - k(3))
     end function spring_energy
 
-    !> By how much a spring is longer than at rest, and how fast that grows.
+    !> Measure by how much a spring is longer than at rest, and how fast that grows.
     subroutine measure_spring_stretch(mechanism, i, stretch, rate)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i

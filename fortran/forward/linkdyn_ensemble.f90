@@ -173,7 +173,7 @@ contains
         end subroutine tell_members
     end subroutine run_ensemble
 
-    !> Of each member as they came.
+    !> Gather the events of each member as they came.
     subroutine gather_events(of_block, log)
         type(event_log), intent(in) :: of_block(:)
         type(event_log), intent(inout) :: log

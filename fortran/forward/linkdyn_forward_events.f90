@@ -161,7 +161,7 @@ contains
         end associate
     end subroutine keep_what_is_held
 
-    !> Of surfaces that slide along several joint variables it is looked out for how fast they still slide the way they did at the accepted
+    !> Watch surfaces that slide along several joint variables: how fast they still slide the way they did at the accepted
     !> state: that vanishes when they come to rest. Those of joints without variables tell themselves how they slip.
     subroutine see_surfaces(self, state, guard)
         class(forward_system), intent(in) :: self

@@ -34,7 +34,7 @@ contains
         end if
     end procedure look_and_decide
 
-    !> By which tolerances steps will be taken: whether a mechanism thrown back is looked for at their ends.
+    !> Note by which tolerances steps will be taken: whether a mechanism thrown back is looked for at their ends.
     module procedure watch_ends
         call watch_loose_steps(self%model, self%equations%unknown%acceleration, rtol, atol, self%way%bounce)
         self%looks_at_ends = self%way%bounce%is_on

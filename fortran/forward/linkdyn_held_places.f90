@@ -43,7 +43,7 @@ contains
         end do
     end function carried_off
 
-    !> Of a ball the angles tell how it is turned, not how far: that is about the axes of its first marker, all three at once.
+    !> Does a joint turn as a ball? Its angles tell how it is turned, not how far: that is about the axes of its first marker, all three at once.
     pure logical function turns_as_ball(model, i)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i                       !! clutch
@@ -54,7 +54,7 @@ contains
         end associate
     end function turns_as_ball
 
-    !> By how much an attitude is turned away from another, both told by three angles: a small turn about the axes that these are told in.
+    !> Small rotation from one attitude to another, both told by three angles: a small turn about the axes that these are told in.
     pure function turned_off(angle, kept) result(turn)
         real(wp), intent(in), dimension(:, :) :: angle, kept   !! (lane, 3) [rad]
         real(wp) :: turn(lanes, 3), r(3, 3)

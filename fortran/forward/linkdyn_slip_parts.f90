@@ -129,7 +129,7 @@ contains
         end do
     end function with_lead
 
-    !> Of all that stops and clutches hold: what goes together, and the levers.
+    !> List all that stops and clutches hold: what goes together, and the levers.
     pure subroutine list_held(model, lead, lever)
         type(model_type), intent(in) :: model
         integer, intent(out) :: lead(:)                !! the same of all that go together; below zero: stops, which go alone (n_held)

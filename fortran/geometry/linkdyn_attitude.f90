@@ -52,7 +52,7 @@ contains
         omega = rate(1)*unit_vector(1) + rate(2)*pitch_axis(angle) + rate(3)*r%z
     end function angular_velocity
 
-    !> Its derivative: roll carries the axis of pitch round, roll and pitch that of yaw.
+    !> Angular acceleration by angles and their rates: roll carries the axis of pitch round, roll and pitch that of yaw.
     function angular_acceleration(angle, rate, rate2) result(alpha)
         type(value), intent(in) :: angle(3), rate(3), rate2(3)
         type(vector) :: alpha

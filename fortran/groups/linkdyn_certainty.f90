@@ -109,7 +109,7 @@ contains
 
     contains
 
-        !> Of the dyad's second half, at the inner joint.
+        !> Link of the dyad's second half, at the inner joint.
         integer function inner_link() result(link)
             type(half_type) :: half
 
@@ -127,7 +127,7 @@ contains
             turn = v%z
         end function turn_of
 
-        !> Of a joint's variable, as it grows while the link moves and the other one stands.
+        !> Sign of a joint's variable, as it grows while the link moves and the other one stands.
         function variable_of(i, variable, link) result(v)
             integer, intent(in) :: i, variable, link
             type(value) :: v

@@ -187,7 +187,7 @@ contains
             + coriolis(mechanism%bodies, half%known, led_shift(mechanism, half, mechanism%qd))
     end function acceleration_at
 
-    !> Of what slides on a link.
+    !> Coriolis acceleration of what slides on a link.
     function coriolis(bodies, link, velocity) result(a)
         type(bodies_type), intent(in) :: bodies
         integer, intent(in) :: link

@@ -45,7 +45,7 @@ contains
         end do
     end subroutine complete_led
 
-    !> Of given variables: the turns of joints that lead them and are placed together with them.
+    !> Watch the turns of given variables: those of joints that lead them and are placed together with them.
     subroutine watch_own_turns(mechanism, given, own)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: given(:), own(:)        !! as above

@@ -26,7 +26,7 @@ module linkdyn_newton_step
 
 contains
 
-    !> Of a group whose links are placed, and all before it placed and moving.
+    !> Trace Newton's step of a group whose links are placed, and all before it placed and moving.
     subroutine trace_newton_step(mechanism, constraints, probe, step)
         type(mechanism_type), intent(inout) :: mechanism
         type(group_constraints), intent(in) :: constraints

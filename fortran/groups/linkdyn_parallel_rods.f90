@@ -22,7 +22,7 @@ module linkdyn_parallel_rods
 
     integer, parameter :: n_pair = 3
 
-    !> Of one pair.
+    !> One pair of parallel rods.
     type :: pair_type
         type(vector) :: m                                  !! of unit length
         type(vector) :: m_rate                             !! [1/s]

@@ -183,7 +183,7 @@ contains
         lead%bend = vector(-n%x, -n%y, zero())
     end subroutine place_crank
 
-    !> Likewise.
+    !> Place a carriage on a slide in the plane of its rod, as a crank is.
     subroutine place_carriage(mechanism, own, w, length, branch, lead)
         type(mechanism_type), intent(inout) :: mechanism
         type(vector), intent(in) :: own, w

@@ -25,7 +25,7 @@ module linkdyn_threads_of_group
 
 contains
 
-    !> Of links that are placed; of how those of the group move only the given rates are known.
+    !> Measure the threads of links that are placed; of how those of the group move only the given rates are known.
     subroutine measure_threads(mechanism, joint, link, rate, threads)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: joint(:), link(:)       !! of the group

@@ -716,7 +716,7 @@ contains
         is_surely_none = any(abs(trial%error) > trial%allowed .and. abs(trial%error) > far_from*explained*rough)
     end function is_surely_none
 
-    !> By one or two units in the last place, up or down, as chance has it.
+    !> States changed by one or two units in the last place, up or down, as chance has it.
     pure function changed_in_last_place(y, copy) result(changed)
         real(wp), intent(in) :: y(:)
         integer, intent(in) :: copy

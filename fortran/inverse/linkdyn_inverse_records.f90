@@ -273,7 +273,7 @@ contains
             if (found(1)%wants(id)) has_same = are_alike(found(1)%of(id)%x(:, i), found(2)%of(id)%x(:, i))
         end function has_same
 
-        !> Of all links, lengths by the mechanism's size.
+        !> Places of all links, lengths by the mechanism's size.
         function place_of(results, i) result(place)
             type(inverse_results), intent(in) :: results
             integer, intent(in) :: i                           !! sample

@@ -113,7 +113,7 @@ contains
         end associate
     end subroutine plan_results
 
-    !> Of the samples to be done.
+    !> Number of a sample by its place among those to be done.
     pure integer function sample_at(self, place)
         class(lane_batch), intent(in) :: self
         integer, intent(in) :: place

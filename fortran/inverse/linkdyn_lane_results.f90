@@ -166,7 +166,7 @@ contains
         end associate
     end subroutine tell_accelerations
 
-    !> Of the coordinates that others stand in for, from those found; of the others what is found.
+    !> Accelerations of the scene's own coordinates: of those that others stand in for from these, of the others what is found.
     function own_accelerations(model, workspace) result(acceleration)
         type(model_type), intent(in) :: model
         type(equation_workspace), intent(in) :: workspace

@@ -160,7 +160,7 @@ contains
 
     contains
 
-        !> Of all that relates the places of two links; wheels and cams leave them to other joints.
+        !> Has a kind variables that relate the places of two links? Wheels and cams leave them to other joints.
         pure logical function has_variables_that_place(kind)
             integer, intent(in) :: kind
 

@@ -50,7 +50,7 @@ contains
         is_near_pole = abs(cos(angle(2))) < near_pole
     end function is_near_pole
 
-    !> Of a quaternion w x y z of any length but zero.
+    !> Rotation matrix of a quaternion w x y z of any length but zero.
     pure function matrix_of_quaternion(p) result(r)
         real(wp), intent(in) :: p(4)
         real(wp) :: r(3, 3)
@@ -141,7 +141,7 @@ contains
 
     contains
 
-        !> Of a vector along the axes of the three angles.
+        !> Parts of a vector along the axes of the three angles.
         pure function shares(v)
             real(wp), intent(in) :: v(3)
             real(wp) :: shares(3)

@@ -349,7 +349,7 @@ contains
         if (.not. any(is_crossing) .and. lead < end) lead = 2*lead/(1 + sqrt(1 - lead/end))
     end subroutine choose_target
 
-    !> Of the distance to where a margin vanishes as a root: the part after which so much of the margin is left as can be hit by
+    !> Part of the distance to where a margin vanishes as a root: that after which so much of the margin is left as can be hit by
     !> tangents led on as a root. What else moves the links there counts the less the smaller the margin is.
     elemental real(wp) function part_of_root(margin, least_margin) result(part)
         real(wp), intent(in) :: margin, least_margin        !! size, and what can be told from zero

@@ -11,7 +11,7 @@ module linkdyn_belt_measures
 
 contains
 
-    !> Of the strand that is taut while the first wheel drives forwards, and of the other. A strand does not push.
+    !> Tensions: of the strand that is taut while the first wheel drives forwards, and of the other. A strand does not push.
     subroutine measure_strands(model, i, state, tension)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i                       !! belt

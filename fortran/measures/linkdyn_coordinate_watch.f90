@@ -114,7 +114,7 @@ contains
         has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])
     end function has_one_axis
 
-    !> Of a hinge: how far from its axis the pins that it moves are, on the smaller of its moving links; if it moves none,
+    !> Find for each hinge how far from its axis the pins that it moves are, on the smaller of its moving links; if it moves none,
     !> the centres of mass.
     subroutine find_arms(model, watch)
         type(model_type), intent(in) :: model
@@ -131,7 +131,7 @@ contains
         end do
     end subroutine find_arms
 
-    !> Of the two links of a joint; 0 if neither reaches anywhere: what lies on an axis, but for rounding, does not.
+    !> Smaller reach of the two links of a joint; 0 if neither reaches anywhere: what lies on an axis, but for rounding, does not.
     pure real(wp) function smaller_reach(model, j, of_mass) result(arm)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j

@@ -12,7 +12,7 @@ module linkdyn_drives
 
 contains
 
-    !> Of a similar mechanism: what its actuator does over what the law gives.
+    !> Scale of efforts in a similar mechanism: what its actuator does over what the law gives.
     pure real(wp) function effort_scale(model, i) result(scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i

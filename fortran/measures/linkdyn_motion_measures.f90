@@ -92,7 +92,7 @@ contains
         end do
     end subroutine spring_energy
 
-    !> Of rotors of motors behind gears and screws: I s'^2/2 of a joint variable s at which they have the inertia I.
+    !> Energy of the rotors of motors behind gears and screws: I s'^2/2 of a joint variable s at which they have the inertia I.
     subroutine rotor_energy(model, state, energy)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -142,7 +142,7 @@ contains
         end do
     end function released_fit
 
-    !> By what the sides of a joint miss each other, as the scene has it.
+    !> Distance by which the sides of a joint miss each other, as the scene has it.
     function gap_of_joint(model, state, j) result(gap)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -214,7 +214,7 @@ contains
         end associate
     end function planar_gap
 
-    !> By what angle a nut is off its thread.
+    !> Angle by which a nut is off its thread.
     pure function thread_gap(view, pitch) result(angle)
         type(joint_view), intent(in) :: view
         real(wp), intent(in) :: pitch                  !! [m/rad]

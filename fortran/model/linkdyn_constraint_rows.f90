@@ -280,7 +280,7 @@ contains
         end associate
     end function joint_point
 
-    !> Its frame in space, columns x, y, z.
+    !> Frame of a joint's side in space, columns x, y, z.
     pure function joint_frame(loop, i, side) result(frame)
         type(loop_type), intent(in) :: loop
         integer, intent(in) :: i, side
@@ -344,7 +344,7 @@ contains
         end do
     end subroutine close_loop
 
-    !> By a small step of each body: shifts, then rotation vectors.
+    !> Move all bodies by a small step of each: shifts, then rotation vectors.
     subroutine move_bodies(loop, step)
         type(loop_type), intent(inout) :: loop
         real(wp), intent(in) :: step(:)                 !! its columns, body after body [scene sizes, rad]

@@ -274,7 +274,7 @@ contains
         end if
     end function pressing
 
-    !> Its change with each of these numbers; none where one is zero.
+    !> Change of the pressing force with each of these numbers; none where one is zero.
     pure function pressing_slope(contact, press) result(slope)
         type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: press(n_press)

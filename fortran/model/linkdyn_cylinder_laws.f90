@@ -26,7 +26,7 @@ module linkdyn_cylinder_laws
 
 contains
 
-    !> Of head and rod chamber at a place of the joint variable.
+    !> Volumes of head and rod chamber at a place of the joint variable.
     pure function chamber_volumes(cylinder, place) result(volume)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: place                  !! [m]
@@ -86,7 +86,7 @@ contains
         end if
     end function edge_flow
 
-    !> Of gas, between absolute pressures.
+    !> Flow of gas through an orifice between two absolute pressures.
     pure real(wp) function gas_flow(cylinder, from, to) result(flow)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: from, to               !! [Pa]
@@ -111,7 +111,7 @@ contains
         end function subsonic
     end function gas_flow
 
-    !> Of oil; the rated flow at the rated drop.
+    !> Flow of oil; the rated one at the rated drop.
     pure real(wp) function oil_flow(cylinder, drop) result(flow)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: drop                   !! [Pa]
@@ -127,7 +127,7 @@ contains
         end function slit
     end function oil_flow
 
-    !> Of head and rod chamber.
+    !> Rates of the pressures in head and rod chamber.
     pure function pressure_rates(cylinder, flow, pressure, place, speed) result(rate)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: flow(2)                !! through the valve [m3/s]
@@ -145,7 +145,7 @@ contains
         rate = modulus(cylinder, pressure)/chamber_volumes(cylinder, place)*(flow + [-past_piston, past_piston] - swept)
     end function pressure_rates
 
-    !> Of gas, or of oil with its air, at a pressure.
+    !> Bulk modulus of gas, or of oil with its air, at a pressure.
     elemental real(wp) function modulus(cylinder, pressure)
         type(cylinder_spec), intent(in) :: cylinder
         real(wp), intent(in) :: pressure               !! [Pa]

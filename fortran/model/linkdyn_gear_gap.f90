@@ -1,4 +1,4 @@
-!> By how much wheels are off where a gear wants them, from where the links are.
+!> How far wheels are off where a gear wants them, from where the links are.
 !>
 !> A gear that was let go, as the joints of a loop tie its wheels already (a belt beside a parallelogram), must still fit: the sum of
 !> joint variables that it keeps has to be the same everywhere. Angles of poses are known but for whole turns, so the sum is known but
@@ -67,7 +67,7 @@ contains
         end function variable_of
     end function gear_gap
 
-    !> Of which number what whole turns of the wheels' joints add to the sum is a multiple [m/rad]; 0: nothing turns.
+    !> The number of which all that whole turns of the wheels' joints add to the sum is a multiple [m/rad]; 0: nothing turns.
     pure real(wp) function least_turn(model, gear) result(turn)
         type(model_type), intent(in) :: model
         type(gear_type), intent(in) :: gear

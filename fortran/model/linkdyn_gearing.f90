@@ -279,7 +279,7 @@ contains
         end function motion_of
     end subroutine plan_gear
 
-    !> Of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one against the other.
+    !> Curvatures of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one against the other.
     pure function curvatures(spin) result(c)
         real(wp), intent(in) :: spin(3, 2)         !! their angular velocities [1/m]
         real(wp) :: c(2)

@@ -449,7 +449,7 @@ contains
         joint = step%joint(step%n_link + 1)
     end function outer_of_rod
 
-    !> Its universal joint, on either side of the rod.
+    !> Universal joint of a rod, on either side of the rod.
     pure integer function universal_of_rod(model, step) result(joint)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -624,7 +624,7 @@ contains
         end do
     end function reach_of
 
-    !> Likewise of the joints of a group: what is far from them, a tool at the end of a boom, says nothing of it.
+    !> Size of a group by its joints: what is far from them, a tool at the end of a boom, says nothing of it.
     pure real(wp) function group_size(model, group)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -726,7 +726,7 @@ contains
         if (link > 0) orientation_of = model%link(link)%orientation
     end function orientation_of
 
-    !> Of a spring's own law in a similar mechanism: 1, it grows with the size as forces do, or 2, as moments do.
+    !> Power of the size with which a spring's own law goes in a similar mechanism: 1, it grows with the size as forces do, or 2, as moments do.
     pure integer function pull_power(model, spring)
         type(model_type), intent(in) :: model
         type(spring_spec), intent(in) :: spring
@@ -738,7 +738,7 @@ contains
         pull_power = merge(2, 1, turns)
     end function pull_power
 
-    !> Of what the law of an actuator gives in a similar mechanism, likewise. A voltage is to its torque constant as its speed is to one;
+    !> Power of the size with which the law of an actuator goes in a similar mechanism. A voltage is to its torque constant as its speed is to one;
     !> valves open alike: 0.
     pure integer function effort_power(model, i)
         type(model_type), intent(in) :: model

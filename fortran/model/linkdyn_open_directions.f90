@@ -15,7 +15,7 @@ module linkdyn_open_directions
 
 contains
 
-    !> By the force, or moment, of a joint in many poses.
+    !> Part of a joint's force, or moment, that is open, from many poses.
     function open_part_of(stress, frame, rotation, link, nothing) result(part)
         real(wp), intent(in) :: stress(:, :, :)         !! of each state, world axes (3, state, pose)
         real(wp), intent(in) :: frame(:, :, :)          !! of the joint's first marker, world axes (3, 3, pose)

@@ -485,7 +485,7 @@ contains
             end if
         end subroutine free_weld
 
-        !> Of forces and moments along these axes of the first marker it lets go.
+        !> Add a kind of joint that lets go of forces and moments along these axes of the first marker.
         subroutine add(needs, kind, force, moment, side, axis)
             integer, intent(in) :: needs, kind
             real(wp), intent(in) :: force(:, :), moment(:, :)
@@ -848,7 +848,7 @@ contains
         end do
     end function strength_of
 
-    !> Of the states of self-stress those are left that do not act along the directions that go.
+    !> Keep the states of self-stress that do not act along the directions that go.
     subroutine take_away(pose, move, left)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move

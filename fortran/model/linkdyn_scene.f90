@@ -719,7 +719,7 @@ contains
         end if
     end function marker_at
 
-    !> Its axes x, y and z, likewise, in columns.
+    !> Axes x, y and z of a marker of a link or the frame, link axes, in columns.
     pure function marker_axes_at(scene, link, marker) result(axes)
         type(scene_type), intent(in) :: scene
         integer, intent(in) :: link, marker
@@ -759,7 +759,7 @@ contains
         frame(:, 3) = marker%axis
     end function marker_frame
 
-    !> Its axis, likewise: a unit vector.
+    !> Axis of a marker of a link or the frame, link axes (unit vector).
     pure function marker_axis_at(scene, link, marker) result(axis)
         type(scene_type), intent(in) :: scene
         integer, intent(in) :: link, marker

@@ -42,7 +42,7 @@ contains
         end do
     end subroutine describe_steps
 
-    !> Of one that has changed.
+    !> Describe one step again after its numbers have changed.
     subroutine describe_step(model, i)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i                       !! step of the plan

@@ -82,7 +82,7 @@ contains
         end do
     end subroutine find_way
 
-    !> By the coarsest thread, if all other joints of the hinge's link are threads on the hinge's axis, or gears that tie given angles;
+    !> Way by the coarsest thread, if all other joints of the hinge's link are threads on the hinge's axis, or gears that tie given angles;
     !> else below zero.
     pure real(wp) function way_of_spindle(model, hinge, side) result(way)
         type(model_type), intent(in) :: model

@@ -210,7 +210,7 @@ contains
         end do
     end function interval_of
 
-    !> By how much an instant may miss the range of a table and still be its end: some roundings.
+    !> How far an instant may miss the range of a table and still be its end: some roundings.
     pure real(wp) function slack(time)
         real(wp), intent(in) :: time(:)
 

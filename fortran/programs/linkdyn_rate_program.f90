@@ -156,7 +156,7 @@ contains
         end do
     end function slopes_with
 
-    !> Of the angles that coordinates stand in for; zero of others.
+    !> Rates of the angles that coordinates stand in for; zero of others.
     function counted_rates(traced) result(rate)
         type(traced_type), intent(in) :: traced
         type(value) :: rate(traced%mechanism%model%n_q)
@@ -171,7 +171,7 @@ contains
         end associate
     end function counted_rates
 
-    !> Of attitudes, where quaternions give them: their angular velocities stand in place of the rates of angles.
+    !> Rates of attitudes, where quaternions give them: their angular velocities stand in place of the rates of angles.
     function attitude_rates(traced) result(rate)
         type(traced_type), intent(in) :: traced
         type(value), allocatable :: rate(:)
@@ -192,7 +192,7 @@ contains
         end associate
     end function attitude_rates
 
-    !> Of the driving forces, and of all forces but gravity.
+    !> Power of the driving forces, and of all forces but gravity.
     function powers(traced) result(power)
         type(traced_type), intent(inout) :: traced
         type(value) :: power(2)                    !! [W]

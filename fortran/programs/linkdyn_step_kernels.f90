@@ -359,7 +359,7 @@ contains
         end associate
     end subroutine accelerate_link
 
-    !> Of an origin, and of turning.
+    !> Rates of an origin, and of turning.
     function rates_at(model, motion, k) result(rate)
         type(model_type), intent(in) :: model
         type(value), intent(in) :: motion(:)

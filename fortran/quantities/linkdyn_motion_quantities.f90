@@ -41,7 +41,7 @@ contains
         end do
     end function all_joint_rates
 
-    !> Of the planar dyads: between the two ways in which the inner joint moves, with the one link and with the other. 0 at
+    !> Transmission angles of the planar dyads: between the two ways in which the inner joint moves, with the one link and with the other. 0 at
     !> a dead point, a right angle at best.
     function transmission_angles(mechanism) result(angle)
         type(mechanism_type), intent(in) :: mechanism
@@ -57,7 +57,7 @@ contains
         end do
     end function transmission_angles
 
-    !> Of all links, payloads and rotors [J].
+    !> Kinetic energy of all links, payloads and rotors [J].
     function kinetic_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
@@ -69,7 +69,7 @@ contains
         end do
     end function kinetic_energy
 
-    !> Of links and rotors alone: nothing changes their masses [J].
+    !> Kinetic energy of links and rotors alone: nothing changes their masses [J].
     function link_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
@@ -102,7 +102,7 @@ contains
         energy = 0.5_wp*(p%mass*(v.dot.v) + (w%x*h(1) + w%y*h(2) + w%z*h(3)))
     end function energy_of
 
-    !> Of gravity and links alone [J].
+    !> Potential energy of gravity and links alone [J].
     function gravity_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
@@ -116,7 +116,7 @@ contains
         end do
     end function gravity_energy
 
-    !> Of gravity and springs [J].
+    !> Potential energy of gravity and springs [J].
     function potential_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy

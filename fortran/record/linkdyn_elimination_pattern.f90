@@ -63,7 +63,7 @@ contains
         pattern%sense = sign_of(pattern%pivot)
     end subroutine find_pattern
 
-    !> Of a permutation: each pair that stands the wrong way round turns it.
+    !> Sign of a permutation: each pair that stands the wrong way round turns it.
     pure real(wp) function sign_of(order)
         integer, intent(in) :: order(:)
         integer :: i

@@ -115,7 +115,7 @@ contains
             x = all(sample)
         end function number_at
 
-        !> Of those asked for, the column of which most is left where least is; 0: nothing is left of any.
+        !> Longest of the columns asked for: the one of which most is left where least is; 0: nothing is left of any.
         integer function longest(is_meant)
             logical, intent(in) :: is_meant(:)         !! (unknown)
             real(wp) :: length, most

@@ -50,7 +50,7 @@ contains
         end associate
     end subroutine read_cylinder
 
-    !> Of the piston on the head's side and on the rod's, from their diameters.
+    !> Areas of the piston on the head's side and on the rod's, from their diameters.
     subroutine read_areas(place, area, status)
         type(scene_place), intent(in) :: place
         real(wp), intent(out) :: area(2)               !! [m2]

@@ -135,7 +135,7 @@ contains
             "acts at the joint (expected at = ""motor"" in the law, or no 'creep_speed')", status)
     end subroutine refuse_idle_creep
 
-    !> Of several at one joint variable each but one has a name of its own: "crank:brake".
+    !> Read the own name of an actuator: of several at one joint variable each but one has a name of its own: "crank:brake".
     subroutine read_own_name(place, actuator, status)
         type(scene_place), intent(in) :: place
         type(actuator_spec), intent(inout) :: actuator

@@ -228,7 +228,7 @@ contains
         if (status%is_ok()) call add_source(reading, path, text)
     end subroutine take_file
 
-    !> Of a file outside the scene's folder that holds anything else but parts of a scene nothing is told.
+    !> Refuse a file outside the scene's folder that holds anything else but parts of a scene, and tell nothing of it.
     subroutine refuse_foreign(root, status)
         type(scene_place), intent(in) :: root
         type(status_type), intent(inout) :: status

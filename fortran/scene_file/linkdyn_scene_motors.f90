@@ -148,7 +148,7 @@ contains
         if (status%is_ok() .and. has_lead) ratio = two_pi/ratio
     end subroutine read_ratio
 
-    !> Of all that turns with the motor.
+    !> Read the inertia of all that turns with the motor.
     subroutine read_inertia(place, joint_kind, has_lead, total, status)
         type(scene_place), intent(in) :: place
         integer, intent(in) :: joint_kind

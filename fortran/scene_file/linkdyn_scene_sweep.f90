@@ -19,10 +19,10 @@ module linkdyn_scene_sweep
         sampling_sobol, sampling_name, set_value, multiply_by, operation_name, quantity_name, n_quantity, quantity_motor_torque, &
         quantity_motor_speed, quantity_motor_power, quantity_motor_current, quantity_torque_margin, quantity_driving_force, &
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, &
-        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_condition, &
-        quantity_determinant, quantity_swing, quantity_clearance, quantity_contact_force, quantity_pressure_angle
+        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_swing, &
+        quantity_clearance, quantity_contact_force, quantity_pressure_angle
     use linkdyn_sweep_totals, only: fixed_outcome
-    use linkdyn_text, only: to_text, quoted, join, one_of
+    use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
         time_span, wattage, per_second, dimension_text, si_unit_text
@@ -781,25 +781,7 @@ contains
                 if (spec%wants(id) .and. status%is_ok()) call refuse_without_motors(place, scene, id, status)
                 if (spec%wants(id) .and. status%is_ok()) call refuse_without_cams(place, scene, id, status)
             end do
-            call refuse_unasked("on", [quantity_force_amplification, quantity_moment_amplification])
-            call refuse_unasked("length", [quantity_condition, quantity_determinant])
-            call refuse_unasked("clearance", [quantity_clearance])
-            call refuse_unasked("swing", [quantity_swing])
         end associate
-
-    contains
-
-        !> What a key says is of quantities that nobody wants.
-        subroutine refuse_unasked(key, quantity)
-            character(len=*), intent(in) :: key
-            integer, intent(in) :: quantity(:)
-            type(toml_node) :: node
-
-            node = place%node%get(key)
-            if (.not. node%is_present() .or. any(scene%sweep%wants(quantity)) .or. .not. status%is_ok()) return
-            call refuse_value(place, key, node, "changes nothing: no "//one_of(quantity_name(quantity)) &
-                //" is asked for (expected that in 'reduce', 'keep', a limit or a constraint)", status)
-        end subroutine refuse_unasked
     end subroutine check_wishes
 
     !> Motors must be there of which something is told.

@@ -357,7 +357,7 @@ contains
         column = [("q "//trim(attitude_name(model, attitude))//"."//quaternion_column(k), k=1, 4)]
     end function quaternion_columns
 
-    !> Of those that have its rotation matrix, row by row.
+    !> Columns that have an attitude's rotation matrix, row by row.
     pure function rotation_columns(model, attitude) result(column)
         type(model_type), intent(in) :: model
         integer, intent(in) :: attitude
@@ -367,7 +367,7 @@ contains
         column = [("q "//trim(attitude_name(model, attitude))//"."//rotation_column(k), k=1, 9)]
     end function rotation_columns
 
-    !> Of those that have its angular velocity and acceleration.
+    !> Columns that have an attitude's angular velocity and acceleration.
     pure function spin_columns(model, attitude) result(column)
         type(model_type), intent(in) :: model
         integer, intent(in) :: attitude

@@ -150,7 +150,7 @@ contains
         end do
     end subroutine keep_batch
 
-    !> Of a design that is no mechanism.
+    !> Keep nothing of a design that is no mechanism.
     subroutine keep_nothing(plan, first, n, kept)
         type(sweep_plan), intent(in) :: plan
         integer(int64), intent(in) :: first             !! number of the first sample, from 0

@@ -1,7 +1,7 @@
 """The lecture's kinematics modules by name: a mechanism is walked joint by joint, one call a link or a pair of links.
 
-Each function takes points with their velocity and acceleration, and gives some. The same closed forms and linear maps
-compute them as in the engine behind `linkdyn.load`; these are doors to it. Arrays broadcast: where a crank has N
+Each function takes points with their velocity and acceleration, and gives some. They are computed by the lecture's own closed
+forms and linear maps, independent of the engine behind `linkdyn.load`; tests compare both. Arrays broadcast: where a crank has N
 angles, every point that follows from it has N positions.
 
 >>> import numpy as np

@@ -1,4 +1,4 @@
-"""What the pages name is there, and the script that checks it sees what is not."""
+"""What pages and comments name is there, and the script that checks it sees what is not."""
 
 from __future__ import annotations
 
@@ -46,3 +46,16 @@ def test_a_false_claim_is_seen(check_docs, tmp_path: Path, line: str, finding: s
         (tmp_path / path).write_text(text)
     subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
     assert check_docs.find_untrue(tmp_path) == [f"README.md:1: {finding}"]
+
+
+def test_a_comment_that_names_nothing_is_seen(check_docs, tmp_path: Path) -> None:
+    """Other comments that say the same name do not make it one of the code."""
+    for path, text in {
+        "fortran/model/linkdyn_leg.f90": "!> As `close_leg` does, see `close_%s`.\nsubroutine close_leg" % "other_leg",
+        "python/linkdyn/legs.py": '"""Made by `close_%s`."""' % "other_leg",
+    }.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
+    finding = "no name close_%s" % "other_leg"
+    assert check_docs.find_untrue(tmp_path) == [f"fortran/model/linkdyn_leg.f90:1: {finding}", f"python/linkdyn/legs.py:1: {finding}"]

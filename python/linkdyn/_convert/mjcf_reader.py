@@ -16,7 +16,7 @@ __all__ = ["read_mjcf"]
 
 
 def read_mjcf(path: Path) -> Robot:
-    """A robot of an MJCF file that has been looked through (`linkdyn._xml`).
+    """A robot of an MJCF file that has been looked through (`xml_file`).
 
     Raises
     ------

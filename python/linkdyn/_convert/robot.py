@@ -1,6 +1,6 @@
 """Robots as other programs have them: a tree of bodies in a reference pose, and what closes its loops.
 
-Readers of files make a `Robot`, `_robot_scene` a scene of it. What a scene has no place for is told, in `Robot.left_out`.
+Readers of files make a `Robot`, `robot_scene` a scene of it. What a scene has no place for is told, in `Robot.left_out`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Averages over the samples of a run: the one definition of mean and rms, which summary, sheets, sweeps and cycle results share.
+"""Averages over the samples of a run: the mean and rms of sheets and cycle results.
 
 A sample stands for the time from half-way to the sample before to half-way to the one after; the first and the last for the whole
 of their one gap. Evenly spaced samples so count alike, as those of a batch or a sweep do, and those whose instants do not increase:

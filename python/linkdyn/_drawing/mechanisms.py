@@ -1,5 +1,5 @@
 """A drawing of any scene, and how wide the picture must be. What links look like is told by
-`_planar_shapes` and `_spatial_shapes`."""
+`planar_shapes` and `spatial_shapes`."""
 
 from __future__ import annotations
 

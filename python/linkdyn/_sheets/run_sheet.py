@@ -1,6 +1,6 @@
 """The sheet of a run: drives and bearings with their loads, what is beyond a limit, pictures of the machine and its forces.
 
-It is drawn as that of a sweep, by `_sheet_html` and `_sheet_pdf`.
+It is drawn as that of a sweep, by `html` and `pdf`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The sheet of a sweep: what a machine asks of its actuators and joints, on one page to hand on.
 
-Here stands what is on the sheet; `_sheet_html` and `_sheet_pdf` draw it. That of a run is in `_run_sheet`.
+Here stands what is on the sheet; `html` and `pdf` draw it. That of a run is in `run_sheet`.
 """
 
 from __future__ import annotations
