@@ -123,6 +123,8 @@ contains
                 end_of_name = index(path, ".motion.") - 1
                 if (index(path, "coordinate.") /= 1 .or. end_of_name < 0 .or. .not. status%is_ok()) cycle
                 if (.not. is_there(root, path(:end_of_name)//".start")) cycle
+                if (is_there(root, path(:end_of_name)//".start.velocity") .and. &
+                    .not. is_there(root, path(:end_of_name)//".start.position")) cycle
                 call refuse(place_at(place, list%at(i), "sweep axis "//to_text(i)), "parameter "//quoted(path) &
                     //" changes nothing: without an axis over time the coordinate rests at its 'start' (expected an axis with " &
                     //"time = true, or no 'start')", status)

@@ -167,6 +167,7 @@ def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):
     if picture not in drawn["sound"]:
         procedure(**good)
         drawn["sound"].add(picture)
+    refused = set()
     for kind, value in NONSENSE.items():
         if argument == "frames" and "large" in kind:
             continue    # not wrong: all samples
@@ -174,8 +175,10 @@ def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):
             procedure(**good | {argument: value})
         except linkdyn.LinkdynError as error:
             assert picture in str(error) or argument in str(error) or "design" in str(error), (kind, error)
+            refused.add(kind)
         finally:
             pyplot.close("all")
+    assert "object" in refused
 
 
 SLOW = {("study", "t_end", "large"), ("study", "t_end", "fraction"), ("forward", "t_end", "large"),

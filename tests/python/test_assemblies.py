@@ -22,15 +22,21 @@ from numpy.typing import NDArray
 import linkdyn
 from linkdyn.cli import executable
 
-SCENES = Path(__file__).resolve().parents[1] / "assemblies"
+TESTS = Path(__file__).resolve().parents[1]
+FILES = TESTS / "assemblies"
+"""Scenes of these tests alone, and states."""
 STATUSES = ["ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost", "locked"]
 WAYS = ["continuous", "change_point", "anew"]
 OK, UNREACHABLE, NOT_CONVERGED, BRANCH_LOST = 0, 1, 3, 5
 STRAIGHT, THROUGH_CHANGE_POINT, ANEW = range(3)
 
 
+def path_of(name: str) -> Path:
+    return next(file for folder in (FILES, TESTS / "scenes") if (file := folder / name).exists())
+
+
 def read(name: str) -> dict[str, Any]:
-    return tomllib.loads((SCENES / name).read_text())
+    return tomllib.loads(path_of(name).read_text())
 
 
 def run(*arguments: Any) -> subprocess.CompletedProcess[str]:
@@ -48,14 +54,14 @@ def number(text: str) -> float:
 def states_run(name: str, states: str, folder: Path) -> dict[str, NDArray[np.float64]]:
     """Columns of the table that `inverse --states` writes."""
     output = folder / "run.csv"
-    run("inverse", SCENES / name, "--states", SCENES / states, "--csv", "-o", output, "-q")
+    run("inverse", path_of(name), "--states", FILES / states, "--csv", "-o", output, "-q")
     with output.open() as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     return {key.split(" [")[0]: np.array([number(row[key]) for row in rows]) for key in rows[0]}
 
 
 def column(name: str, states: str) -> NDArray[np.float64]:
-    with (SCENES / states).open() as file:
+    with (FILES / states).open() as file:
         return np.array([float(row[name]) for row in csv.DictReader(file)])
 
 
@@ -430,13 +436,13 @@ def test_far_samples_end() -> None:
     """Full turns are left out of a way; one of too many strides is refused: both at once."""
     program = f"""
 import linkdyn, numpy as np
-scene = linkdyn.load({str(SCENES / "rsur.toml")!r})
+scene = linkdyn.load({str(path_of("rsur.toml"))!r})
 turns = 2*np.pi*1000000
 near, far = (scene.inverse(q=[[0.5 + by]], want="driving_force,joint_variable") for by in (0, turns))
 assert far.status[0] == {OK}
 assert np.allclose(near.driving_force, far.driving_force, rtol=1e-6)
 assert scene.inverse(q=[[1e300]], want="driving_force").status[0] == {NOT_CONVERGED}
-slides = linkdyn.load({str(SCENES / "pus6_fold.toml")!r})
+slides = linkdyn.load({str(path_of("pus6_fold.toml"))!r})
 assert slides.inverse(q=[[1e9]*6], want="driving_force").status[0] == {NOT_CONVERGED}
 """
     assert subprocess.run([sys.executable, "-c", program], timeout=100, check=False).returncode == 0
@@ -555,8 +561,8 @@ def test_branch_without_meaning_is_refused() -> None:
 def test_words_name_loop_sample_and_range(tmp_path: Path) -> None:
     """Which links could not be closed, at which instant, how far from closing, and the range of their crank."""
     limit = math.degrees(math.acos((0.1**2 + 0.52**2 - 0.6**2) / (2 * 0.1 * 0.52)))
-    result = run("inverse", SCENES / "crank_out_of_reach.toml", "-o", tmp_path / "run.nc")
-    said = run("explain", SCENES / "crank_out_of_reach.toml").stdout
+    result = run("inverse", path_of("crank_out_of_reach.toml"), "-o", tmp_path / "run.nc")
+    said = run("explain", path_of("crank_out_of_reach.toml")).stdout
     for text in (result.stderr, result.stdout, said):
         for words in ("'coupler', 'rocker'", "cannot be closed", f"from A = -{limit:.3f}", f"to {limit:.3f}"):
             assert words in text, text
@@ -565,10 +571,10 @@ def test_words_name_loop_sample_and_range(tmp_path: Path) -> None:
 
 
 def test_summary_tells_assembly_and_change_points(tmp_path: Path) -> None:
-    result = run("inverse", SCENES / "rusr_parallelogram.toml", "-o", tmp_path / "run.nc")
+    result = run("inverse", path_of("rusr_parallelogram.toml"), "-o", tmp_path / "run.nc")
     assert "'rocker', 'coupler': branch -1, nearest to 'start'" in result.stdout
     assert "change points    4 passed" in result.stdout
-    assert "branch +1" in run("explain", SCENES / "crank_out_of_reach.toml").stdout
+    assert "branch +1" in run("explain", path_of("crank_out_of_reach.toml")).stdout
 
 
 def test_sweep_flags_what_the_start_does_not_reach() -> None:

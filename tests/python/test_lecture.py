@@ -380,7 +380,8 @@ def test_attitudes_are_rotations(r):
 
 def test_a_rotation_written_with_seven_digits_will_do():
     c, s = 0.8660254, 0.5
-    Attitude([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    written = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    np.testing.assert_array_equal(Attitude(written).r, written)
 
 
 @pytest.mark.parametrize("length", [-0.5, 0.0])

@@ -17,7 +17,7 @@ from linkdyn import _bind, cli
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ["examples/fourbar/scene.toml", "examples/stewart_drilling/scene.toml", "examples/rcsp_start/scene.toml",
-          "tests/assemblies/rsur.toml"]
+          "tests/scenes/rsur.toml"]
 CODES = ["interpreter", "scalar", "avx2", "avx512"]
 
 FORBID = """

@@ -99,10 +99,17 @@ def test_small_numbers_have_ticks_that_differ(run):
 
 
 def test_pictures_with_failed_samples(crossing):
+    """Curves have gaps there, and nowhere else."""
     run = linkdyn.Scene(crossing).inverse()
+    failed = run.status.values != 0
+    assert failed.any() and not failed.all()
     for draw in (plot.driving_forces, plot.reactions):
-        figure, _ = draw(run)
+        figure, axes = draw(run)
         figure.canvas.draw()
+        whole = [line for axis in np.ravel(axes) for line in axis.lines if len(line.get_ydata()) == len(failed)]
+        assert whole
+        for line in whole:
+            np.testing.assert_array_equal(np.isnan(np.asarray(line.get_ydata(), float)), failed)
 
 
 def test_batch_without_time(scene):
