@@ -46,7 +46,7 @@ module linkdyn_equations
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
     public :: share_equations, prepare_workspace, want_of, solve_block, solve_equations, solve_again, solve_with_amounts
-    public :: flag_locked, found_of, renew_equations, share_block, wanted_to_share
+    public :: flag_locked, forces_at_work, found_of, renew_equations, share_block, wanted_to_share
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -578,6 +578,17 @@ contains
         end associate
     end subroutine find_sliding
 
+    !> About the largest force at work: what drives and loads give, and what everything weighs. What comes of these and is not more than
+    !> their rounding is nothing.
+    pure real(wp) function forces_at_work(model, workspace, lane) result(force)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(in) :: workspace
+        integer, intent(in) :: lane
+
+        force = norm2(model%gravity)*(sum(model%scene%link%mass) + sum(workspace%state%payload(lane, :)))
+        force = max(force, maxval(abs(workspace%driving_force(lane, :))), maxval(abs(workspace%load(lane, :, :))))
+    end function forces_at_work
+
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
     !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`). What
     !> drives lose is found that way at once: they are few, and a poor screw loses more than half. So is all else where it is known
@@ -623,7 +634,7 @@ contains
         do lane = 1, workspace%n_used
             if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
             if (.not. rubs_as_pressed(workspace%friction%factor(lane, :), force(lane, :), workspace%friction%amount(lane, :), &
-                                      workspace%driving_force(lane, :))) workspace%status(lane) = sample_not_converged
+                                      forces_at_work(model, workspace, lane))) workspace%status(lane) = sample_not_converged
         end do
 
     contains

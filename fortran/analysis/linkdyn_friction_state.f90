@@ -103,12 +103,12 @@ contains
         end do
     end subroutine pressing_forces
 
-    !> Is friction what presses makes it, but for rounding? What presses by less than a trifle of what drives give is all rounding.
-    pure logical function rubs_as_pressed(factor, force, amount, given)
+    !> Is friction what presses makes it, but for rounding? What presses by less than a trifle of the forces at work is all rounding.
+    pure logical function rubs_as_pressed(factor, force, amount, at_work)
         real(wp), intent(in) :: factor(:), force(:), amount(:)     !! see `friction_state`, of one lane (contact)
-        real(wp), intent(in) :: given(:)               !! what drives give (actuator) [N, N m]
+        real(wp), intent(in) :: at_work                !! the largest force about [N, N m]
         real(wp), parameter :: misfit = 1.0e-6_wp, trifle = 1.0e-8_wp
 
-        rubs_as_pressed = all(abs(factor*force - amount) <= misfit*factor*max(maxval(force), trifle*maxval(abs(given))))
+        rubs_as_pressed = all(abs(factor*force - amount) <= misfit*factor*max(maxval(force), trifle*at_work))
     end function rubs_as_pressed
 end module linkdyn_friction_state

@@ -114,6 +114,14 @@ contains
         do i = 1, n_stop(scene)
             text = text//separator(i)//stop_object(scene, scene%stop(i))
         end do
+        text = text//'],"spin_lines":['
+        is_first = .true.
+        do i = 1, size(model%link)
+            if (model%link(i)%spin == 0) cycle
+            if (.not. is_first) text = text//","
+            is_first = .false.
+            text = text//"{"//pair("link", integer_value(i))//","//pair("axis", numbers(model%link(i)%spin_axis))//"}"
+        end do
         text = text//"],"//pair("idle_spins", string(idle_spins(scene)))//","// &
             pair("shared_reactions", string(shared_reactions(model)))//","// &
             pair("shared_components", string(shared_components(model)))//","// &

@@ -183,7 +183,7 @@ contains
 
     !> Is what is held where it should be, and is friction what presses makes it, but for rounding of what both take away? Of a lane at
     !> which `begin_there` has been told of both.
-    logical function fits(self, contact, factor, is_held, wanted, lane, push, amount, press, given)
+    logical function fits(self, contact, factor, is_held, wanted, lane, push, amount, press, at_work)
         class(contact_responses), intent(in) :: self
         type(contact_type), intent(in) :: contact(:)
         real(wp), intent(in) :: factor(:)              !! (contact) [s/m]
@@ -192,12 +192,11 @@ contains
         integer, intent(in) :: lane
         real(wp), intent(in) :: push(:), amount(:)     !! (held), (contact)
         real(wp), intent(in) :: press(:, :)            !! with both (n_press, contact) [N]
-        real(wp), intent(in) :: given(:)               !! what drives give (actuator)
+        real(wp), intent(in) :: at_work                !! the largest force about, but for what pushes and presses
         real(wp), parameter :: still = 1.0e-8_wp
-        real(wp), parameter :: small = 1.0e-4_wp       !! of what presses and drives: forces that count, which what holds may have but
-                                                       !! rounding of
+        real(wp), parameter :: small = 1.0e-4_wp       !! of all forces: that much counts, which what holds may have but rounding of
         real(wp), dimension(size(push)) :: away, taken
-        real(wp) :: force(size(contact)), at_work
+        real(wp) :: force(size(contact)), largest
         integer :: k
 
         away = self%away(lane, :)
@@ -207,12 +206,12 @@ contains
             away = away + amount(k)*self%of_amount%away(lane, :, k)
             taken = max(taken, abs(amount(k)*self%of_amount%away(lane, :, k)))
         end do
-        at_work = max(maxval(force), maxval(abs(given)))
+        largest = max(at_work, maxval(force), maxval(abs(push)))
         do k = 1, size(push)
             away = away + push(k)*self%of_push%away(lane, :, k)
-            taken = max(taken, abs(self%of_push%away(lane, :, k))*max(abs(push(k)), small*at_work))
+            taken = max(taken, abs(self%of_push%away(lane, :, k))*max(abs(push(k)), small*largest))
         end do
         fits = all(abs(wanted - away) <= still*maxval(taken, mask=is_held) .or. .not. is_held) &
-               .and. rubs_as_pressed(factor, force, amount, given)
+               .and. rubs_as_pressed(factor, force, amount, largest)
     end function fits
 end module linkdyn_contact_balance

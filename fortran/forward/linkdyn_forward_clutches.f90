@@ -307,13 +307,13 @@ contains
         real(wp), intent(out) :: loss(lanes)           !! of energy [J]
         logical, intent(out) :: opens(:, :)            !! nothing rests there any more (lane, n_stop)
         real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
-        real(wp), dimension(lanes, n_held(self%model)) :: before, after, push
+        real(wp), dimension(lanes, n_held(self%model)) :: before, after, push, along
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
         real(wp), dimension(lanes) :: energy_before, energy_after, kinetic
         logical, dimension(lanes, n_held(self%model)) :: takes_part, is_lock, leaves, gives_way
         logical :: has_locked(lanes), failed(lanes)
-        integer :: lane, i, n
+        integer :: lane, i, n, trial
 
         n = n_stop(self%model%scene)
         has_locked = any(locks, dim=2)
@@ -325,10 +325,15 @@ contains
         call self%look_closely(t, y)
         call energy_of_motion(self%model, self%look, energy_before, kinetic)
         before = rates_held(self%model, self%look, level_velocity)
-        call find_responses(self, takes_part, .true., response, of_coordinates)
-        do lane = 1, lanes
-            call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
-                              before(lane, :), self%way%stops%hardest(lane), push(lane, :), leaves(lane, :), gives_way(lane, :))
+        along = merge(-before, 0.0_wp, is_lock)
+        do trial = 1, most_trials
+            call find_responses(self, takes_part, .true., response, of_coordinates, along)
+            do lane = 1, lanes
+                call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
+                                  before(lane, :), self%way%stops%hardest(lane), push(lane, :), leaves(lane, :), &
+                                  gives_way(lane, :))
+            end do
+            if (goes_along(self, has_locked, push, along)) exit
         end do
         call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
         impulse = push(:, n + 1:)

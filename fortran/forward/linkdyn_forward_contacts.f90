@@ -4,7 +4,7 @@
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
-    use linkdyn_equations, only: solve_again, solve_with_amounts, flag_locked
+    use linkdyn_equations, only: solve_again, solve_with_amounts, flag_locked, forces_at_work
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_friction_state, only: pressing_forces
     use linkdyn_held_places, only: carried_off
@@ -46,27 +46,35 @@ contains
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
     !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
+    !>
+    !> Of impulses there are no other forces, and joints do not rub by them. Transmissions lose of what they transmit, and how they do
+    !> depends on its sign, which impulses give it: their responses are those `along` the impulses themselves.
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp
-        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
         real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
-        integer :: k, i, turn, n
+        integer :: k, i, turn, n, n_turn
 
         n = size(factor, 2)
         factor = self%workspace%friction%factor(:, :n)
         if (is_impact) self%workspace%friction%factor(:, :n) = 0
-        push = 0
+        base = 0
+        n_turn = 2
+        unit = 1
+        if (present(along)) then
+            if (size(self%equations%lossy) > 0) call go_along()
+        end if
         response = 0
         of_coordinates = 0
-        call accelerate(self, push, at_rest)
+        call accelerate(self, base, at_rest)
         own = self%workspace%acceleration
         largest = maxval(abs(own), dim=2)
         do k = 1, size(push, 2)
             if (.not. any(is_in_contact(:, k))) cycle
-            unit = 1
-            do turn = 1, 2
-                push = 0
-                push(:, k) = unit
+            if (n_turn > 1) unit = 1
+            do turn = 1, n_turn
+                push = base
+                push(:, k) = push(:, k) + unit
                 call accelerate(self, push, away)
                 do i = 1, size(push, 2)
                     response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
@@ -74,12 +82,47 @@ contains
                 do i = 1, self%model%n_q
                     of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
                 end do
+                if (turn == n_turn) exit
                 unit = much*max(1.0_wp, largest)/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
                 where (.not. unit <= huge(1.0_wp)) unit = 1
             end do
         end do
         self%workspace%friction%factor(:, :n) = factor
+
+    contains
+
+        !> A push beside which all other forces are nothing, and units that are a small part of it.
+        subroutine go_along()
+            real(wp), parameter :: part = 1.0e-3_wp, beyond_all = 1.0e8_wp
+            real(wp) :: size_of(lanes)
+
+            size_of = maxval(abs(along), dim=2)
+            largest = [(beyond_all*max(1.0_wp, forces_at_work(self%model, self%workspace, i)), i=1, lanes)]
+            where (.not. largest <= huge(1.0_wp)) largest = beyond_all
+            do i = 1, size(base, 2)
+                where (size_of > 0) base(:, i) = largest*(along(:, i)/max(size_of, tiny(1.0_wp)))
+            end do
+            unit = part*largest
+            n_turn = 1
+        end subroutine go_along
     end procedure find_responses
+
+    !> Only what transmissions lose depends on the way impulses go.
+    module procedure goes_along
+        real(wp), parameter :: same = 1.0e-10_wp
+        real(wp) :: way(size(impulse, 2)), way_before(size(impulse, 2))
+        integer :: lane
+
+        goes_along = .true.
+        if (size(self%equations%lossy) == 0) return
+        do lane = 1, lanes
+            if (.not. is_struck(lane)) cycle
+            way = impulse(lane, :)/max(maxval(abs(impulse(lane, :))), tiny(1.0_wp))
+            way_before = along(lane, :)/max(maxval(abs(along(lane, :))), tiny(1.0_wp))
+            if (any(abs(way - way_before) > same)) goes_along = .false.
+        end do
+        along = impulse
+    end procedure goes_along
 
     !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
     !> the workspace become those with it.
@@ -161,7 +204,7 @@ contains
                 ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
                 if (.not. found%fits(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), lane, &
                                      push(lane, :), friction%amount(lane, :), friction%press(lane, :, :), &
-                                     workspace%driving_force(lane, :))) &
+                                     forces_at_work(self%model, workspace, lane))) &
                     workspace%status(lane) = sample_not_converged
             end do
         end associate
@@ -186,7 +229,7 @@ contains
         type(contact_responses), intent(out) :: found
         real(wp), parameter :: much = 1.0e4_wp         !! of all forces: what they leave of the digits does not matter
         real(wp), dimension(lanes, size(is_held, 2)) :: push, away
-        real(wp) :: force(lanes, size(self%equations%rub)), unit(lanes)
+        real(wp) :: force(lanes, size(self%equations%rub)), unit(lanes), largest(lanes)
         integer :: k
 
         associate (workspace => self%workspace, friction => self%workspace%friction, rub => self%equations%rub)
@@ -195,8 +238,9 @@ contains
             call push_and_rub(self, push, .false., away)
             call found%begin(self%model%driven, away, friction)
             call pressing_forces(rub, friction, force)
-            unit = much*max(1.0_wp, maxval(abs(force), dim=2), maxval(abs(workspace%driving_force), dim=2))
-            where (.not. unit <= huge(1.0_wp)) unit = 1
+            largest = max(1.0_wp, maxval(abs(force), dim=2), [(forces_at_work(self%model, workspace, k), k=1, lanes)])
+            where (.not. largest <= huge(1.0_wp)) largest = 1
+            unit = much*largest
             do k = 1, size(push, 2)
                 if (.not. any(is_held(:self%n_used, k))) cycle
                 push = 0
@@ -206,8 +250,8 @@ contains
             end do
             push = 0
             do k = 1, size(rub)
-                ! about as much as it will be, for the digits' sake
-                unit = friction%factor(:, k)*max(maxval(force, dim=2), tiny(1.0_wp)/epsilon(1.0_wp))
+                ! as much as it can be, whatever presses now: what is held may press more
+                unit = friction%factor(:, k)*largest
                 if (.not. any(unit(:self%n_used) > 0)) cycle
                 friction%amount = 0
                 friction%amount(:, k) = unit

@@ -33,10 +33,7 @@ contains
         call self%look_closely(t, y)
         before = away_from_stops(self%model, self%look, level_velocity)
         call find_touching(self, t, is_struck, strikes, touches)
-        call find_stop_responses(self, t, y, touches, response, of_coordinates)
-        call find_idle(self, touches, before, response, is_idle)
-        where (is_idle) before = 0
-        call throw_back()
+        call find_impulses()
         call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         call loosen_clutches(self, t, y, y_before, is_struck)
@@ -59,6 +56,30 @@ contains
         call renew_gaps(self, t, y, is_struck, rested)
 
     contains
+
+        !> Impulses, and the responses to them along which they go.
+        subroutine find_impulses()
+            real(wp), dimension(lanes, size(before, 2)) :: speed, fastest
+            real(wp) :: of_held(lanes, n_clutch(self%model%scene), size(before, 2))
+            real(wp) :: along(lanes, n_held(self%model)), hardest(lanes)
+            integer :: trial
+
+            speed = before
+            fastest = self%way%stops%fastest
+            hardest = self%way%stops%hardest
+            along = 0
+            along(:, :size(before, 2)) = merge(1.0_wp, 0.0_wp, strikes)
+            do trial = 1, most_trials
+                before = speed
+                self%way%stops%fastest = fastest
+                self%way%stops%hardest = hardest
+                call find_stop_responses(self, touches, along, response, of_coordinates, of_held)
+                call find_idle(self, touches, before, response, is_idle)
+                where (is_idle) before = 0
+                call throw_back()
+                if (goes_along(self, is_struck, all_impulses(impulse, of_held), along)) exit
+            end do
+        end subroutine find_impulses
 
         !> Impulses, lane by lane.
         subroutine throw_back()
@@ -166,13 +187,13 @@ contains
     end subroutine change_rests
 
     !> What a unit push of each stop in contact gives at stops and coordinates while clutches without capacity hold what they hold.
-    subroutine find_stop_responses(self, t, y, touches, response, of_coordinates)
+    subroutine find_stop_responses(self, touches, along, response, of_coordinates, of_held)
         class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes)
-        real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(in) :: along(:, :)            !! impulses, of any size (lane, n_held)
         real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
         real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
+        real(wp), intent(out) :: of_held(:, :, :)      !! impulses of these clutches (lane, n_clutch, by stop)
         real(wp) :: of_all(lanes, n_held(self%model), n_held(self%model))
         real(wp) :: coordinates_by_all(lanes, self%model%n_q, n_held(self%model))
         logical :: takes_part(lanes, n_held(self%model))
@@ -184,17 +205,34 @@ contains
         takes_part(:, :n) = touches
         takes_part(:, n + 1:) = self%way%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
                                 .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
-        call find_responses(self, takes_part, .true., of_all, coordinates_by_all)
+        call find_responses(self, takes_part, .true., of_all, coordinates_by_all, along)
+        of_held = 0
         do lane = 1, lanes
             held = pack([(i, i=n + 1, n_held(self%model))], takes_part(lane, n + 1:))
             do i = 1, n
                 force = solve_held(of_all(lane, held, held), of_all(lane, held, i))
                 response(lane, :, i) = of_all(lane, :n, i) - matmul(of_all(lane, :n, held), force)
                 of_coordinates(lane, :, i) = coordinates_by_all(lane, :, i) - matmul(coordinates_by_all(lane, :, held), force)
+                of_held(lane, held - n, i) = -force
             end do
         end do
         call drop_rounding(sum(self%model%link%mass), touches, response, of_coordinates)
     end subroutine find_stop_responses
+
+    !> Those of stops, and of the clutches that hold for them.
+    pure function all_impulses(impulse, of_held) result(all)
+        real(wp), intent(in) :: impulse(:, :)          !! (lane, n_stop)
+        real(wp), intent(in) :: of_held(:, :, :)       !! see `find_stop_responses`
+        real(wp) :: all(lanes, size(impulse, 2) + size(of_held, 2))
+        integer :: i, n
+
+        n = size(impulse, 2)
+        all(:, :n) = impulse
+        all(:, n + 1:) = 0
+        do i = 1, n
+            all(:, n + 1:) = all(:, n + 1:) + of_held(:, :, i)*spread(impulse(:, i), 2, size(of_held, 2))
+        end do
+    end function all_impulses
 
     !> A push that acts on a lever of rounding has no response: an impulse that would make up for it were any number.
     pure subroutine drop_rounding(mass, touches, response, of_coordinates)

@@ -63,6 +63,8 @@ module linkdyn_forward_system
     private
     public :: forward_system, forward_memory, standing_lanes, build_forward_system
 
+    integer, parameter :: most_trials = 8              !! of ways that impulses go
+
     !> Where states that are evaluated later set out from, a state a lane.
     type :: standing_lanes
         type(carried_assembly) :: assembly
@@ -339,13 +341,22 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, along)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
+            real(wp), intent(in), optional :: along(:, :)  !! impulses, of any size (lane, n_stop + n_clutch)
         end subroutine find_responses
+
+        !> Are impulses those along which their responses were found? If not, these are to be found once more, along them.
+        module logical function goes_along(self, is_struck, impulse, along)
+            class(forward_system), intent(in) :: self
+            logical, intent(in) :: is_struck(lanes)
+            real(wp), intent(in) :: impulse(:, :)          !! (lane, n_stop + n_clutch)
+            real(wp), intent(inout) :: along(:, :)         !! of any size; then the impulses (lane, n_stop + n_clutch)
+        end function goes_along
 
         module subroutine hold_variables(self, t)
             class(forward_system), intent(inout) :: self

@@ -515,7 +515,7 @@ contains
         type(wheel_type), intent(in) :: wheel(2)
         type(gear_type), intent(inout) :: gear
         type(status_type), intent(inout) :: status
-        real(wp) :: apart(3)
+        real(wp) :: apart(3), way_round
         integer :: side
 
         associate (spec => model%scene%joint(gear%joint), z => wheel(1)%axis)
@@ -531,21 +531,35 @@ contains
                     //"straight bevel teeth)")
                 ! square to the teeth, which go along the line from the cones' tip to the pitch point
                 apart = cross(gear%direction, gear%pitch - tip_of_cones())
-                apart = sign(1.0_wp, dot_product(apart, wheel(2)%point - gear%pitch))*apart
+                apart = sign(1.0_wp, dot_product(apart, off_the_smaller()))*apart
             else
-                apart = wheel(2)%point - gear%pitch
-                if (spec%is_turned_over .and. spec%wheel(2) >= spec%wheel(1)) apart = gear%pitch - wheel(1)%point
-                apart = apart - dot_product(apart, z)*z
+                apart = off_the_smaller() - dot_product(off_the_smaller(), z)*z
             end if
             gear%push = tan(spec%flank(1))/cos(spec%flank(2) + spec%lead_angle)*apart/norm2(apart)   ! one of both is zero
             if (spec%flank(2) == 0) return
-            gear%direction = gear%direction - tan(spec%flank(2))*z
+            ! a right-handed helix leads along z as it goes round z, on whichever side of its wheel the teeth meet
+            way_round = sign(1.0_wp, dot_product(z, cross(gear%pitch - wheel(1)%point, gear%direction)))
+            gear%direction = gear%direction - way_round*tan(spec%flank(2))*z
             do side = 1, 2
                 gear%couple(:, side) = cross(gear%pitch - wheel(side)%point, gear%direction)
             end do
         end associate
 
     contains
+
+        !> From the pitch point, the way that the second wheel is driven: into the smaller wheel, whose teeth point away from its axis,
+        !> or off it. Those of the larger one may point inwards: a ring, or a bevel wheel with a cone beyond a right angle.
+        pure function off_the_smaller() result(way)
+            real(wp) :: way(3)
+
+            associate (teeth => model%scene%joint(gear%joint)%wheel)
+                if (teeth(2) < teeth(1)) then
+                    way = wheel(2)%point - gear%pitch
+                else
+                    way = gear%pitch - wheel(1)%point
+                end if
+            end associate
+        end function off_the_smaller
 
         !> Where both axes meet.
         pure function tip_of_cones() result(tip)

@@ -84,6 +84,50 @@ def test_internal_mesh(ring: int) -> None:
     assert found[wheel][0] == pytest.approx(on_pinion[0], rel=1e-12)
 
 
+@pytest.mark.parametrize("ring", [0, 1, 2])
+@pytest.mark.parametrize("helix", [20.0, -35.0])
+def test_thrust_of_a_helix(ring: int, helix: float) -> None:
+    """A wheel screws itself along by its own torque and hand, -T tan(psi)/r for a right-handed one, whatever it meshes with and wherever:
+    the normal of a flank with the lead 2 pi r/tan(psi) does no work in a screw motion with that lead."""
+    teeth, apart = {0: ((20, 60), 0.2), 1: ((60, 20), 0.1), 2: ((20, 60), 0.1)}[ring]
+    found = reactions(pair(teeth, apart, "internal" if ring else "external", helix_angle=np.radians(helix)))
+    r2 = {0: 0.15, 1: 0.05, 2: 0.15}[ring]
+    hand_of_two = np.radians(helix if ring else -helix)    # a ring and its pinion have the same hand
+    thrust_on_two = 100.0 * np.tan(hand_of_two) / r2       # the teeth hold what the load of 100 N m turns
+    np.testing.assert_allclose(found["mesh"][2], thrust_on_two, rtol=1e-12)
+    np.testing.assert_allclose(found["B"][2], -thrust_on_two, rtol=1e-12)
+
+
+def bevel_pair(shaft: float, first: int) -> tuple[dict[str, Any], np.ndarray]:
+    """15 and 30 teeth whose axes meet at an angle; the pitch point is at 30 mm on x. Either may be the first wheel."""
+    small = np.arctan2(np.sin(shaft), 2 + np.cos(shaft))
+    along = [np.array([0, 0, 1.0]), np.array([np.sin(shaft), 0, np.cos(shaft)])]
+    slant = 0.03 / np.sin(small)
+    tip = np.array([0, 0, -slant * np.cos(small)])
+    centre = [tip + slant * np.cos(cone) * axis for cone, axis in zip((small, shaft - small), along, strict=True)]
+    given = pair((15, 30), 1.0, pressure_angle=np.radians(20))
+    given["frame"]["markers"] = {name: {"at": at.tolist(), "axis": axis.tolist()} for name, at, axis in zip("AB", centre, along, strict=True)}
+    given["load"][0]["moment"] = (-6.0 * along[1]).tolist()
+    if first == 2:
+        given["joint"][2] |= {"between": ["two.O", "one.O"], "teeth": [30, 15]}
+    return given, slant * np.array([np.sin(small), 0, np.cos(small)])
+
+
+@pytest.mark.parametrize("first", [1, 2])
+@pytest.mark.parametrize("shaft", [60.0, 119.0, 121.0, 150.0, 179.9])
+def test_bevel_wheels_with_teeth_inside(shaft: float, first: int) -> None:
+    """The smaller wheel is pushed towards its own axis, square to the line from the cones' tip to the pitch point, also where the cone of
+    the larger one is beyond a right angle: as the wheels of an internal spur pair are, of which this is nearly one at 179.9 degrees."""
+    given, element = bevel_pair(np.radians(shaft), first)
+    found = reactions(given)
+    inwards = np.cross([0, 1.0, 0], element)               # of the smaller wheel, whose axis is z
+    inwards *= np.sign(np.dot(inwards, [-1.0, 0, 0])) / np.linalg.norm(inwards)
+    tangential = 6.0 / 0.06
+    on_small = found["A"][:3] * -1
+    np.testing.assert_allclose(abs(on_small[1]), tangential, rtol=1e-9)    # cones of 0.03 degrees have their tip far off
+    np.testing.assert_allclose(on_small[[0, 2]], (tangential * np.tan(np.radians(20)) * inwards)[[0, 2]], rtol=1e-9)
+
+
 def test_bevel_wheels() -> None:
     """Wr = Wt tan(phi) cos(gamma), Wa = Wt tan(phi) sin(gamma) of either wheel (Shigley 13-38)."""
     given = pair((20, 40), 0.0, pressure_angle=np.radians(20))

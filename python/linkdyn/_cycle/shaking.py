@@ -114,13 +114,24 @@ def inertia_size(run: xr.Dataset, scene: Scene) -> tuple[float, float]:
 
 def _inertia_terms(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> Iterator[tuple[Vectors, Vectors, Vectors]]:
     """Of each body minus mass times acceleration, its lever about a point, and the rate of the angular momentum about its centre of mass."""
+    lines = {line["link"]: np.array(line["axis"]) for line in motion.scene.description["spin_lines"]}
     for k, mass, cog, inertia in _bodies(motion, run):
         place, _, acceleration = motion.of_point(k, cog)
         turn = motion.rotation[:, k]
         tensor = turn @ inertia @ np.swapaxes(turn, 1, 2)
-        spin = motion.spin[:, k]
-        rate = _times(tensor, motion.spin_rate[:, k]) + np.cross(spin, _times(tensor, spin))
+        spin, spin_rate = motion.spin[:, k], motion.spin_rate[:, k]
+        if k in lines:
+            spin, spin_rate = _across(turn @ lines[k], spin, spin_rate)
+        rate = _times(tensor, spin_rate) + np.cross(spin, _times(tensor, spin))
         yield -mass * acceleration, place - point, rate
+
+
+def _across(line: Vectors, spin: Vectors, spin_rate: Vectors) -> tuple[Vectors, Vectors]:
+    """Angular velocity and acceleration of a link without its idle spin: in axes at rest nothing turns it about its line, a frame that turns
+    does not take it along."""
+    about = np.einsum("ni,ni->n", spin, line)[:, np.newaxis]
+    growth = np.einsum("ni,ni->n", spin_rate, line)[:, np.newaxis]
+    return spin - about * line, spin_rate - growth * line - about * np.cross(spin, line)
 
 
 def _weight(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:
