@@ -375,16 +375,18 @@ contains
     subroutine refuse_idle_branches(model, status)
         type(model_type), intent(in) :: model
         type(status_type), intent(inout) :: status
-        logical :: is_meant(size(model%joint)), is_iterated(size(model%joint))
+        logical :: is_meant(size(model%joint)), is_iterated(size(model%joint)), is_of_leg(size(model%joint))
         integer :: i, j
 
         is_meant = .false.
         is_iterated = .false.
+        is_of_leg = .false.
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (is_dyad(step%kind)) is_meant(step%joint(:step%n_link + 1)) = .true.
                 if (any(step%kind == [step_csp, step_hung]) .or. is_rod_leg(step%kind)) is_meant(step%joint(2)) = .true.
                 if (step%kind == step_group) is_iterated(model%group(step%first)%joint) = .true.
+                if (step%kind == step_ups .and. step%branch /= 0) is_of_leg(step%joint(:3)) = .true.
             end associate
         end do
         do j = 1, model%n_joint
@@ -393,6 +395,9 @@ contains
                 if (is_iterated(j)) then
                     call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: its links " &
                               //"are closed by iteration (expected 'start' of joints or links near the assembly wanted)")
+                else if (is_of_leg(j)) then
+                    call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: its links " &
+                              //"are a leg (expected 'start' of joints or links near the way wanted)")
                 else
                     call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: its links " &
                               //"close in one way only")

@@ -4,7 +4,7 @@ module linkdyn_clearance
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, step_ups, orientation_of
+    use linkdyn_model, only: model_type, step_ups, orientation_of, side_of, direction_of_leg
     use linkdyn_scene, only: joint_universal, joint_spherical
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.), &
         operator(.unrotate.), lane_of
@@ -29,33 +29,34 @@ module linkdyn_clearance
 
 contains
 
-    !> The UPS legs as rods between their universal and spherical joints.
+    !> The legs as rods between the joints at their ends.
     function legs_of(model, diameter) result(legs)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: diameter      !! [m]
         type(rod), allocatable :: legs(:)
-        integer :: i
+        integer :: i, side(2)
 
         allocate (legs(0))
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (step%kind /= step_ups) cycle
-                associate (universal => model%joint(step%joint(1)), spherical => model%joint(step%joint(3)))
-                    legs = [legs, rod([universal%link(1), spherical%link(2)], &
-                        reshape([universal%point(:, 1), spherical%point(:, 2)], [3, 2]), diameter/2)]
+                associate (first => model%joint(step%joint(1)), last => model%joint(step%joint(3)))
+                    side = 3 - [side_of(first, step%link(1)), side_of(last, step%link(2))]
+                    legs = [legs, rod([first%link(side(1)), last%link(side(2))], &
+                                      reshape([first%point(:, side(1)), last%point(:, side(2))], [3, 2]), diameter/2)]
                 end associate
             end associate
         end do
     end function legs_of
 
-    !> Every universal and spherical joint. The leg is the link of a UPS leg, else the second link, and points along its
-    !> z axis, else along the marker's axis; neutral is how it points at the start of the scene.
+    !> Every universal and spherical joint. The leg is the link of a UPS or UCU leg, else the second link, and points along its
+    !> slide, else along the marker's axis; neutral is how it points at the start of the scene.
     subroutine swings_of(model, swing)
         type(model_type), intent(in) :: model
         type(swing_joint), allocatable, intent(out) :: swing(:)
         type(kinematic_state) :: state
         type(vec3) :: direction
-        integer :: j, side, i, n
+        integer :: j, side, i, n, half
 
         n = count(model%joint%kind == joint_universal .or. model%joint%kind == joint_spherical)
         allocate (swing(n))
@@ -79,8 +80,9 @@ contains
                 swing(n)%other_link = joint%link(3 - side)
                 swing(n)%direction = joint%frame(:, 3, side)
                 do i = 1, size(model%step)
-                    if (model%step(i)%kind == step_ups .and. any(model%step(i)%link(:2) == joint%link(side))) &
-                        swing(n)%direction = [0, 0, 1]
+                    if (model%step(i)%kind /= step_ups) cycle
+                    half = findloc(model%step(i)%link(:2), joint%link(side), dim=1)
+                    if (half > 0) swing(n)%direction = direction_of_leg(model, model%step(i), half)
                 end do
                 direction = state%rotation(orientation_of(model, swing(n)%leg_link)).rotate.swing(n)%direction
                 direction = state%rotation(orientation_of(model, swing(n)%other_link)).unrotate.direction

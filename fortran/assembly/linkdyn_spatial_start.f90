@@ -8,8 +8,8 @@ module linkdyn_spatial_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_csp, step_hung, step_group, has_rod, &
-        by_branch, by_start, by_nothing
+    use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_hung, step_group, has_rod, &
+        turns_in_two, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_planar_start, only: start_group
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
@@ -37,7 +37,7 @@ contains
         allocate (model%branch(model%n_branch))
         model%branch = 1
         allocate (model%chosen_by(model%n_branch), source=by_branch)
-        if (.not. any(is_closed(model%step) .or. model%step%kind == step_group)) return
+        if (.not. any(is_closed(model%step) .or. model%step%kind == step_ups .or. model%step%kind == step_group)) return
         do i = 1, size(model%group)
             model%group(i)%start = 0
         end do
@@ -46,6 +46,7 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (is_closed(step)) call choose_way(model, i, state, nearest)
+                if (step%kind == step_ups .and. step%branch /= 0) call choose_leg(model, i, state, like)
                 if (step%kind == step_group) then
                     call start_group(model, step, state, status, like)
                 else
@@ -101,6 +102,70 @@ contains
             if (told == 0) model%chosen_by(step%first) = merge(by_start, by_nothing, has_start(model, link, joint))
         end associate
     end subroutine choose_way
+
+    !> The nearest of a leg's ways: none of them can be left without taking the leg apart.
+    subroutine choose_leg(model, i, state, like)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i                           !! step of the plan
+        type(kinematic_state), intent(inout) :: state
+        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
+        type(start_distance) :: nearest, distance
+        integer :: way, best, i_like
+
+        if (present(like)) then
+            i_like = findloc(like%step%kind == step_ups .and. like%step%link(1) == model%step(i)%link(1) &
+                             .and. like%step%branch /= 0, .true., dim=1)
+            if (i_like > 0) then
+                if (has_axes_of(like%step(i_like))) then
+                    call take_way(way_of(like%step(i_like)))
+                    return
+                end if
+            end if
+        end if
+        nearest%given = huge(1.0_wp)
+        best = 0
+        do way = 0, merge(7, 3, turns_in_two(model, model%step(i)))
+            call take_way(way)
+            call run_step(model, model%step(i), state)
+            distance = measure_distance(model, model%step(i)%link(:2), model%step(i)%joint(:3), state, .false.)
+            if (.not. is_nearer(distance, 1, nearest%given(1), nearest%others(1))) cycle
+            nearest = distance
+            best = way
+        end do
+        call take_way(best)
+
+    contains
+
+        !> Are its joints' axes those of that leg? What holds an idle spin may have others.
+        pure logical function has_axes_of(step)
+            type(step_type), intent(in) :: step
+            integer :: k
+
+            has_axes_of = all(step%joint(:3) == model%step(i)%joint(:3))
+            do k = 1, 3
+                if (.not. has_axes_of) return
+                has_axes_of = all(like%joint(step%joint(k))%frame == model%joint(step%joint(k))%frame)
+            end do
+        end function has_axes_of
+
+        !> A number of three bits.
+        pure integer function way_of(step)
+            type(step_type), intent(in) :: step
+
+            way_of = count([step%branch < 0]) + 2*count([step%turn < 0]) + 4*count([step%far_turn < 0])
+        end function way_of
+
+        subroutine take_way(way)
+            integer, intent(in) :: way
+
+            associate (step => model%step(i))
+                step%branch = merge(-1, 1, btest(way, 0))
+                step%turn = merge(-1, 1, btest(way, 1))
+                if (step%far_turn /= 0) step%far_turn = merge(-1, 1, btest(way, 2))
+            end associate
+            call describe_step(model, i)
+        end subroutine take_way
+    end subroutine choose_leg
 
     !> How far the way is from the start in which a step closes. A platform on rods counts with these, which stand behind it.
     recursive subroutine measure_way(model, i, state, distance)

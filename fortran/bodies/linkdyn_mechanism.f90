@@ -8,7 +8,8 @@ module linkdyn_mechanism
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
     use linkdyn_joint_table, only: joint_cam, is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_ups, side_of, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+    use linkdyn_model, only: model_type, step_type, step_ups, side_of, has_rod, rod_of, inner_of_rod, outer_of_rod, &
+        universal_of_rod, only_shifts, turns_in_two
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_record, only: constant_of
@@ -384,8 +385,10 @@ contains
         f = rotation(point_at(mechanism, k), point_at(mechanism, k + 3), point_at(mechanism, k + 6))
     end function frame_at
 
-    !> The axes in which each link is traced: the scene's, but those of a leg for a leg's links: z from U to S, y along the
-    !> second axis of the universal joint, origins in U and S; and likewise of a rod: z from crank or carriage on, its origin there.
+    !> The axes in which each link is traced: the scene's, but those of a leg for a leg's links: z from its first end to its
+    !> last, y along the second axis of the universal joint, origins in both ends; and likewise of a rod: z from crank or
+    !> carriage on, its origin there;
+    !> of a link that only shifts those of the link as which it stands.
     subroutine choose_own_axes(mechanism, in_scene_axes)
         type(mechanism_type), intent(inout) :: mechanism
         logical, intent(in), optional :: in_scene_axes
@@ -403,6 +406,7 @@ contains
             associate (step => mechanism%model%step(i))
                 if (step%kind == step_ups) call choose_axes_of_leg(mechanism, step)
                 if (has_rod(step%kind)) call choose_axes_of_rod(mechanism, step)
+                if (only_shifts(step)) mechanism%own(step%link(1))%r = frame_at(mechanism, mechanism%at%stance(i))
             end associate
         end do
     end subroutine choose_own_axes
@@ -421,14 +425,32 @@ contains
             if (step%turn < 0) y = -y
             frame = scene_frame(mechanism, slide, side(2))
             call set_axes(mechanism%own(step%link(1)), y, along(frame%z), scene_point(mechanism, u, side(1)))
-            ! the slide keeps both links parallel: y in the slide's frame is the same for the upper link
-            y = frame.unrotate.y
             frame = scene_frame(mechanism, slide, 3 - side(2))
-            call set_axes(mechanism%own(step%link(2)), frame.rotate.y, along(frame%z), &
+            call set_axes(mechanism%own(step%link(2)), y_of_upper(y), along(frame%z), &
                           scene_point(mechanism, s, side_of(joint(s), step%link(2))))
         end associate
 
     contains
+
+        function y_of_upper(y_of_lower) result(y)
+            type(vector), intent(in) :: y_of_lower
+            type(vector) :: y
+            type(rotation) :: frame
+            integer :: side
+
+            if (turns_in_two(mechanism%model, step)) then
+                frame = scene_frame(mechanism, step%joint(3), side_of(mechanism%model%joint(step%joint(3)), step%link(2)))
+                y = frame%z
+                if (step%far_turn < 0) y = -y
+            else
+                ! the slide keeps both links parallel: y in its frame is the same for both
+                side = side_of(mechanism%model%joint(step%joint(2)), step%link(1))
+                frame = scene_frame(mechanism, step%joint(2), side)
+                y = frame.unrotate.y_of_lower
+                frame = scene_frame(mechanism, step%joint(2), 3 - side)
+                y = frame.rotate.y
+            end if
+        end function y_of_upper
 
         function along(slide_axis) result(z)
             type(vector), intent(in) :: slide_axis

@@ -86,7 +86,7 @@ contains
 
     ! ---------------------------------------------------------------- places
 
-    !> The axes in which the scene has both are parallel always.
+    !> The axes in which it is traced are parallel always to those in which the scene has the base.
     subroutine turn_with_base(mechanism, step)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step

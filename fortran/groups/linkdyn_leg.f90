@@ -1,16 +1,18 @@
-!> The UPS leg: universal, prismatic and spherical joint between two known links, in closed form on all levels.
+!> The UPS leg: universal, prismatic and spherical joint between two known links, in closed form on all levels. Likewise the
+!> UCU leg, with a cylindrical joint between two universal ones.
 !>
 !> U is the centre of the universal joint on the base, S that of the spherical joint. Both links turn together. Axes of
 !> both: z = s, the direction from U to S; y = unit(s x u), the second axis of the universal joint; x = y x z, so that the
-!> first axis is u = (m, 0, c) in leg axes. docs/theory.md derives the formulas.
+!> first axis is u = (m, 0, c) in leg axes. docs/theory.md derives the formulas. Of a UCU leg the upper link turns about s as the
+!> universal joint at S wants it, by the same formulas with the first axis of that.
 module linkdyn_leg
-    use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, point_position, point_velocity, &
+    use linkdyn_bodies, only: bodies_type, world_axes, own_axes, set_vector, omega_of, alpha_of, point_position, point_velocity, &
         point_acceleration, rotation_of
     use linkdyn_line_turning, only: turning_of_line, turning_of_line_2
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
-    use linkdyn_model, only: step_type, side_of
+    use linkdyn_model, only: step_type, side_of, turns_in_two
     use linkdyn_system, only: system_type, unknown, require
-    use linkdyn_value, only: value, zero, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_value, only: value, zero, declare_inverse, operator(+), operator(-), operator(*), sqrt, square, reciprocal
     use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -19,7 +21,8 @@ module linkdyn_leg
 
 contains
 
-    !> Joints of the step: universal, prismatic, spherical; links: lower, at U, and upper, at S.
+    !> Joints of the step: universal, prismatic, spherical, or universal, cylindrical, universal; links: lower, at U, and upper,
+    !> at S.
     subroutine close_leg(mechanism, step, equations)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step
@@ -87,13 +90,72 @@ contains
             beta = axes.unrotate.alpha_of(bodies, base, world_axes)
             alpha = turning_of_line_2(per_length, k, rate, w, a, b, beta)
 
-            associate (turning => bodies%turning(bodies%body(lower)%turning))
-                turning%r = axes
-                call set_vector(turning%omega, own_axes, w)
-                call set_vector(turning%alpha, own_axes, alpha)
-            end associate
+            call set_turning(bodies, lower, axes, w, alpha)
+            if (turns_in_two(model, step)) &
+                call turn_upper(mechanism, step, axes, per_length, rate, v, a)
         end associate
     end subroutine close_leg
+
+    !> The upper half of a UCU leg.
+    subroutine turn_upper(mechanism, step, axes, per_length, rate, v, a)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(rotation), intent(in) :: axes             !! of the lower half
+        type(value), intent(in) :: per_length, rate    !! of the leg's length [1/m], [m/s]
+        type(vector), intent(in) :: v, a               !! of S against U, axes of the lower half [m/s], [m/s2]
+        type(rotation) :: frame, own
+        type(vector) :: u, w, b, beta
+        type(value) :: m, per_m, k
+        integer :: top, side
+
+        associate (bodies => mechanism%bodies, upper => step%link(2), joint => mechanism%model%joint(step%joint(3)))
+            side = 3 - side_of(joint, upper)
+            top = joint%link(side)
+            frame = marker_frame(mechanism, step%joint(3), side)
+            u = axes.unrotate.(rotation_of(bodies, top) .rotate.frame%z)
+            ! a leg along the first axis of this universal joint has lost the second
+            call must_be_positive(mechanism, square(u%x) + square(u%y) - least_square)
+            m = sqrt(square(u%x) + square(u%y))
+            per_m = reciprocal(m)
+            call declare_inverse(m, per_m)
+            k = u%z*per_m
+            mechanism%universal_axis(step%joint(3)) = vector(m, zero(), u%z)
+            own%x = (per_m*u%x)*axes%x + (per_m*u%y)*axes%y
+            own%y = (per_m*u%x)*axes%y - (per_m*u%y)*axes%x
+            own%z = axes%z
+            b = own.unrotate.omega_of(bodies, top, world_axes)
+            beta = own.unrotate.alpha_of(bodies, top, world_axes)
+            w = turning_of_line(per_length, k, in_own(v), b)
+            call set_turning(bodies, upper, own, w, turning_of_line_2(per_length, k, rate, w, in_own(a), b, beta))
+            call set_vector(bodies%body(upper)%acceleration, own_axes, in_own(bodies%body(upper)%acceleration%v(own_axes)))
+        end associate
+
+    contains
+
+        !> From the axes of the lower half: both have the same z.
+        function in_own(vector_of_lower) result(x)
+            type(vector), intent(in) :: vector_of_lower
+            type(vector) :: x
+
+            associate (of_lower => vector_of_lower)
+                x = vector(per_m*(u%x*of_lower%x + u%y*of_lower%y), per_m*(u%x*of_lower%y - u%y*of_lower%x), of_lower%z)
+            end associate
+        end function in_own
+    end subroutine turn_upper
+
+    !> A half has own axes, angular velocity and acceleration.
+    subroutine set_turning(bodies, link, axes, w, alpha)
+        type(bodies_type), intent(inout) :: bodies
+        integer, intent(in) :: link
+        type(rotation), intent(in) :: axes
+        type(vector), intent(in) :: w, alpha           !! own axes
+
+        associate (turning => bodies%turning(bodies%body(link)%turning))
+            turning%r = axes
+            call set_vector(turning%omega, own_axes, w)
+            call set_vector(turning%alpha, own_axes, alpha)
+        end associate
+    end subroutine set_turning
 
     !> Unknown accelerations that many unknowns stand in become unknowns themselves: the leg's equations then have three of
     !> them instead of all that move S.
@@ -119,6 +181,6 @@ contains
         lower = marker_point(mechanism, step%joint(2), side)
         upper = marker_point(mechanism, step%joint(2), 3 - side)
         slide = length + (upper%z - lower%z)
-        if ((side == 1) .neqv. (step%branch > 0)) slide = -slide
+        if ((side == 1) .neqv. (step%branch >= 0)) slide = -slide
     end function slide_of_length
 end module linkdyn_leg

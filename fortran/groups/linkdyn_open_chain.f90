@@ -85,7 +85,8 @@ contains
         type(rotation) :: frame(2)
         type(vector) :: s(3), rest(2)
 
-        frame = [marker_frame(mechanism, j, 1), marker_frame(mechanism, j, 2)]
+        ! it is traced in axes that are parallel to those in which the scene has the known link
+        frame = [marker_frame(mechanism, j, 1), mechanism%own(mechanism%model%joint(j)%link(1))%r*marker_frame(mechanism, j, 2)]
         s(1) = vector_of(q)
         s(2) = rate_of_vector(mechanism, s(1))
         s(3) = rate_of_vector(mechanism, s(2))

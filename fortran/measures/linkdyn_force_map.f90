@@ -11,7 +11,7 @@ module linkdyn_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of, scene_size, step_parts, step_pose, step_ups
+    use linkdyn_model, only: model_type, orientation_of, scene_size, side_of, step_parts, step_pose, step_ups, direction_of_leg
     use linkdyn_vec2, only: vec2, operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -23,7 +23,8 @@ module linkdyn_force_map
         integer :: leg = 0
         integer :: link = 0
         integer :: coordinate(6) = 0          !! of the link
-        real(wp) :: point(3) = 0              !! of the spherical joint, link axes [m]
+        real(wp) :: point(3) = 0              !! where it holds the link, link axes [m]
+        real(wp) :: direction(3) = 0          !! in which the slide's variable grows that way, axes of the leg's lower half
     end type plain_leg
 
     !> What is constant for a mechanism.
@@ -73,18 +74,38 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: number         !! 0: none
         type(plain_leg), intent(out) :: leg
-        integer :: i
+        logical :: is_against                 !! the slide's variable grows as the leg becomes shorter
+        integer :: i, end
 
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (number == 0 .or. step%kind /= step_ups .or. step%first /= number) cycle
-                if (model%joint(step%joint(1))%link(1) /= 0) return
-                leg%link = model%joint(step%joint(3))%link(2)
-                leg%point = model%joint(step%joint(3))%point(:, 2)
+                associate (slide => model%joint(step%joint(2)))
+                    is_against = side_of(slide, step%link(1)) == 2 .neqv. step%branch < 0
+                end associate
+                end = findloc([beyond(i, 1), beyond(i, 2)] == 0, .false., dim=1)
+                if (end == 0 .or. beyond(i, 3 - max(1, end)) /= 0) return
+                leg%link = beyond(i, end)
+                associate (joint => model%joint(step%joint(2*end - 1)))
+                    leg%point = joint%point(:, side_of(joint, leg%link))
+                end associate
+                leg%direction = direction_of_leg(model, step, 1)
+                if (is_against .neqv. end == 1) leg%direction = -leg%direction
                 leg%coordinate = pose_coordinates(model, leg%link)
                 if (any(leg%coordinate > 0)) leg%leg = number
             end associate
         end do
+
+    contains
+
+        !> The link that the leg's first half hangs on, or its second.
+        pure integer function beyond(i, half)
+            integer, intent(in) :: i, half
+
+            associate (joint => model%joint(model%step(i)%joint(2*half - 1)))
+                beyond = joint%link(3 - side_of(joint, model%step(i)%link(half)))
+            end associate
+        end function beyond
     end subroutine find_leg
 
     !> Coordinates that give the pose of a link; zeros if none do.
@@ -174,7 +195,8 @@ contains
 
         jacobian = 0
         do i = 1, model%n_actuator
-            associate (leg => map%leg(i), s => state%rotation(orientation_of(model, model%leg(map%leg(i)%leg)%lower))%z)
+            associate (leg => map%leg(i), &
+                       s => state%rotation(orientation_of(model, model%leg(map%leg(i)%leg)%lower)) .rotate.map%leg(i)%direction)
                 arm = state%rotation(model%link(leg%link)%orientation).rotate.leg%point
                 turn = arm.cross.s
                 call put(jacobian(:, i, :), leg%coordinate(1:3), s)

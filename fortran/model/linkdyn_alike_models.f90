@@ -66,7 +66,8 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 text = text//" step"//listed([step%kind, step%link, step%joint, step%coordinate, step%first, step%branch, &
-                                              step%turn, merge(1, 0, [step%from_second, step%base_moves, step%has_branches])])
+                                              step%turn, step%far_turn, merge(1, 0, [step%from_second, &
+                                              step%base_moves, step%has_branches])])
             end associate
         end do
         if (model%scene%base%moves) text = text//" base"//listed(merge(1, 0, base_is_felt(model)))
@@ -199,6 +200,10 @@ contains
                 k = at%marker(side, i) + 3
                 varies(k:k + 17) = varies(k:k + 17) .and. abs(number(k:k + 17)) /= 1
             end do
+        end do
+        do i = 1, size(model%step)
+            k = at%stance(i)
+            if (k > 0) varies(k:k + 8) = varies(k:k + 8) .and. abs(number(k:k + 8)) /= 1
         end do
         pattern = letters_of(number, varies)
         varying = pack([(k, k=1, at%n)], varies)

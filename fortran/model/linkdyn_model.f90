@@ -23,7 +23,8 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
         feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
-    public :: n_hung_rod, base_of_hung
+    public :: turns_in_two, direction_of_leg
+    public :: n_hung_rod, base_of_hung, only_shifts
     public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, reach_of, counts_turns, most_turned
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
@@ -44,7 +45,7 @@ module linkdyn_model
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
     integer, parameter :: step_joint = 2     !! open chain: a link behind a joint whose variables are coordinates
-    integer, parameter :: step_ups = 3       !! Assur group: UPS leg between two known links
+    integer, parameter :: step_ups = 3       !! Assur group: UPS or UCU leg between two known links, see `linkdyn_leg`
     integer, parameter :: step_rrr = 4       !! planar dyads, each a closed form
     integer, parameter :: step_rrp = 5
     integer, parameter :: step_rpr = 6
@@ -193,9 +194,13 @@ module linkdyn_model
         logical :: has_branches = .false.     !! there are two ways to close at one place: see the model's `branch`
         logical :: has_margin = .false.       !! `branch` tells its assemblies apart, of which a motion may come to the end: see
                                               !! `linkdyn_margins`
-        integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
+        integer :: branch = 0                 !! of a leg: +1, its slide's axis points from its first end to its last, or -1; 0:
+                                              !! written as a chain writes it, it has +1 and a turn of +1
         integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1; of a rod, too
+        integer :: far_turn = 0               !! the same at the last end, if there is a universal joint, too
         integer :: number = 0                 !! in the plan
+        real(wp) :: stance(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])    !! of a link that only shifts: its axes in those
+                                              !! of the link against which it does not turn
     end type step_type
 
     !> What the kernels of a step take from the model, see `linkdyn_step_part`.
@@ -457,6 +462,27 @@ contains
         joint = merge(inner_of_rod(step), outer_of_rod(step), model%joint(inner_of_rod(step))%kind == joint_universal)
     end function universal_of_rod
 
+    !> Of a leg: do its halves turn about its line on their own, each held by a universal joint (UCU)? Else they turn as one (UPS).
+    pure logical function turns_in_two(model, step)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+
+        turns_in_two = model%joint(step%joint(3))%kind == joint_universal
+    end function turns_in_two
+
+    !> Along a leg from its first end to its last, axes of one of its halves.
+    pure function direction_of_leg(model, step, half) result(direction)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer, intent(in) :: half                    !! 1 or 2
+        real(wp) :: direction(3)
+
+        associate (slide => model%joint(step%joint(2)))
+            direction = slide%frame(:, 3, side_of(slide, step%link(half)))
+        end associate
+        if (step%branch < 0) direction = -direction
+    end function direction_of_leg
+
     !> As which link a platform on rods turns: that on which the first lead hangs by hinge or slide.
     pure integer function base_of_hung(model, step) result(base)
         type(model_type), intent(in) :: model
@@ -469,6 +495,13 @@ contains
             base = joint(hinge)%link(3 - side_of(joint(hinge), lead))
         end associate
     end function base_of_hung
+
+    !> Does the step place a link in space that does not turn against one that is known?
+    elemental logical function only_shifts(step)
+        type(step_type), intent(in) :: step
+
+        only_shifts = step%kind == step_hung .or. (step%kind == step_parts .and. step%joint(2) == 0)
+    end function only_shifts
 
     !> Freedoms of a link on its own.
     pure integer function link_freedom(model)

@@ -2,7 +2,7 @@
 module linkdyn_numbers
     use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, only_shifts
     use linkdyn_scene, only: marker_at
     implicit none (type, external)
     private
@@ -13,6 +13,7 @@ module linkdyn_numbers
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
     integer, parameter :: of_gear = 15         !! direction (3), couples (6), push (3), pitch point (3)
+    integer, parameter :: of_stance = 9        !! axes x, y, z
     integer, parameter :: of_belt = 19         !! direction, couples as of a rigid one; line, lever (6), stiffness, damping, pretension, total
 
     !> Where the numbers of each thing begin in the list.
@@ -29,6 +30,7 @@ module linkdyn_numbers
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
         integer, allocatable :: motor(:)       !! inertia of the rotor at the joint variable
+        integer, allocatable :: stance(:)      !! (step) of a link that only shifts; 0: it is none
     end type number_places
 
 contains
@@ -70,6 +72,12 @@ contains
         at%n = at%n + of_drive*model%n_actuator
         at%motor = [(at%n + i, i=1, size(model%motor))]
         at%n = at%n + size(model%motor)
+        at%stance = [(0, i=1, size(model%step))]
+        do i = 1, size(model%step)
+            if (.not. only_shifts(model%step(i))) cycle
+            at%stance(i) = at%n + 1
+            at%n = at%n + of_stance
+        end do
     end subroutine place_numbers
 
     !> The whole list.
@@ -143,5 +151,8 @@ contains
             number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%law%value
         end do
         number(at%motor) = model%motor%inertia
+        do i = 1, size(model%step)
+            if (at%stance(i) > 0) number(at%stance(i):at%stance(i) + of_stance - 1) = reshape(model%step(i)%stance, [of_stance])
+        end do
     end subroutine collect_numbers
 end module linkdyn_numbers

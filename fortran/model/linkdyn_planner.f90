@@ -14,7 +14,7 @@ module linkdyn_planner
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
         step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, side_of, link_freedom, place_size, &
-        rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
@@ -34,7 +34,7 @@ module linkdyn_planner
         type(step_type), allocatable :: step(:)
         integer :: n_step = 0
         integer :: n_group = 0
-        real(wp), allocatable :: stand(:, :, :) !! how legs stand that are closed in any axes; absent: none are
+        real(wp), allocatable :: stand(:, :, :) !! how the links stand; absent: which way legs and rods do is chosen at the start
         logical, allocatable :: known(:)        !! (0:n_link)
         logical, allocatable :: is_used(:)      !! sums that gears keep and that have given a variable (loose)
         integer, allocatable :: given(:, :)     !! coordinate or what some lead that gives a variable; 0: none (3, n_joint)
@@ -66,8 +66,8 @@ contains
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms    !! see `model_type`; absent: as the model was planned before
-        real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): there,
-                                                         !! legs are closed as they stand, in whatever axes they are written
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): legs and
+                                                         !! rods are closed as they stand there
         logical, intent(in), optional :: briefly         !! nobody will read why joints over-constrain their links: to find the words
                                                          !! takes longer than to plan; absent: false
         type(planning) :: plan
@@ -235,7 +235,7 @@ contains
             if (size(member) == 1 .and. plan%n_step == n_before) call place_by_parts(model, member(1), plan)
             if (model%is_planar) call close_dyad(model, member, plan, status)
             if (.not. model%is_planar .and. size(member) == 2) then
-                call close_ups_leg(model, member, plan)
+                call close_leg(model, member, plan)
                 if (plan%n_step == n_before) call close_csp_group(model, member, plan)
                 if (plan%n_step == n_before) call close_rod_leg(model, member, plan)
             end if
@@ -615,7 +615,7 @@ contains
 
         call find_shift(model, member, plan%known, plan%given, shift, found)
         if (.not. found) return
-        step = step_type(kind=step_parts, n_link=1)
+        step = step_type(kind=step_parts, n_link=1, stance=shift%stance)
         step%link(1) = shift%platform
         step%joint(1) = shift%position
         step%coordinate(:3) = plan%given(:, shift%position)
@@ -640,7 +640,7 @@ contains
 
         call find_hung(model, member, plan%known, plan%given, shift, found)
         if (.not. found) return
-        step = step_type(kind=step_hung, n_link=1, has_branches=.true.)
+        step = step_type(kind=step_hung, n_link=1, has_branches=.true., stance=shift%stance)
         step%link(1) = shift%platform
         step%joint(:2*n_pair + 1) = [(shift%leg(1, i)%joint(2:3), i=1, n_pair), shift%leg(1, 1)%joint(1)]
         call add_margin(model, step)
@@ -676,9 +676,8 @@ contains
         call add_rod(model, step, plan)
     end subroutine add_lone_rod
 
-    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_leg`; or,
-    !> where legs need only be straight, in any axes and in this order from whichever end.
-    subroutine close_ups_leg(model, member, plan)
+    !> A UPS or UCU leg between known links, in whatever axes and order it is written.
+    subroutine close_leg(model, member, plan)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: member(2)
         type(planning), intent(inout) :: plan
@@ -688,88 +687,101 @@ contains
         step%link(:2) = member
         step%joint(:3) = joints_of_pair(model, member, plan)
         if (any(step%joint(:3) == 0)) return
+        if (any(plan%given(:, step%joint(:3)) > 0)) return
         if (model%joint(step%joint(1))%kind /= joint_universal) call turn_round(step)
-        if (allocated(plan%stand)) then
-            call close_straight_leg(model, plan, step)
-            return
-        end if
-        if (.not. is_ups_leg(model, step)) return
+        if (.not. is_straight_leg(model, step)) return
         model%n_leg = model%n_leg + 1
         step%first = model%n_leg
-        step%base_moves = model%joint(step%joint(1))%link(1) > 0
+        step%base_moves = sum(model%joint(step%joint(1))%link) > step%link(1)    ! none of the two is below zero
         model%joint(step%joint(2))%leg = model%n_leg
+        if (allocated(plan%stand)) then
+            call note_ways(model, plan%stand, step)
+        else if (.not. is_leg_of_chain(model, step)) then
+            step%branch = 1
+            step%turn = 1
+            if (turns_in_two(model, step)) step%far_turn = 1
+        end if
         call add_step(plan, step)
-    end subroutine close_ups_leg
+        if (allocated(plan%stand)) call turn_alone(model, step)
+    end subroutine close_leg
 
-    !> Are the joints universal, prismatic, spherical, written from base to platform, their markers where the closed
-    !> form has them: U, P at the origin of lower, P, S at the origin of upper, slide along z, second universal axis
-    !> along y?
-    pure logical function is_ups_leg(model, step)
+    !> The halves turn in axes that nobody else has.
+    subroutine turn_alone(model, leg)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: leg
+        integer :: half
+
+        do half = 1, 2
+            if (half == 1 .or. turns_in_two(model, leg)) model%n_orientation = model%n_orientation + 1
+            model%link(leg%link(half))%orientation = model%n_orientation
+        end do
+    end subroutine turn_alone
+
+    !> Is it a UPS leg written from base to platform as a chain writes it: U, P at the origin of lower, P, S at the origin of upper,
+    !> slide along z, second universal axis along y? Which way such a leg stands needs no asking.
+    pure logical function is_leg_of_chain(model, step)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
         real(wp), parameter :: y(3) = [0, 1, 0], z(3) = [0, 0, 1]
 
         associate (universal => model%joint(step%joint(1)), prismatic => model%joint(step%joint(2)), &
                    spherical => model%joint(step%joint(3)), lower => step%link(1), upper => step%link(2))
-            is_ups_leg = universal%kind == joint_universal .and. prismatic%kind == joint_prismatic &
-                         .and. spherical%kind == joint_spherical &
-                         .and. universal%link(2) == lower .and. all(prismatic%link == [lower, upper]) &
-                         .and. spherical%link(1) == upper
-            if (.not. is_ups_leg) return
-            is_ups_leg = all(universal%point(:, 2) == 0) .and. all(prismatic%point == 0) &
-                         .and. all(spherical%point(:, 1) == 0) &
-                         .and. all(abs(universal%frame(:, 3, 2) - y) <= alignment) &
-                         .and. all(abs(prismatic%frame(:, 3, 1) - z) <= alignment) &
-                         .and. all(prismatic%frame(:, :, 1) == prismatic%frame(:, :, 2))
+            is_leg_of_chain = prismatic%kind == joint_prismatic .and. universal%link(2) == lower &
+                              .and. all(prismatic%link == [lower, upper]) .and. spherical%link(1) == upper
+            if (.not. is_leg_of_chain) return
+            is_leg_of_chain = all(universal%point(:, 2) == 0) .and. all(prismatic%point == 0) &
+                              .and. all(spherical%point(:, 1) == 0) &
+                              .and. all(abs(universal%frame(:, 3, 2) - y) <= alignment) &
+                              .and. all(abs(prismatic%frame(:, 3, 1) - z) <= alignment) &
+                              .and. all(prismatic%frame(:, :, 1) == prismatic%frame(:, :, 2))
         end associate
-    end function is_ups_leg
+    end function is_leg_of_chain
 
-    !> A leg by its line from U to S alone. Both links turn together, in axes that nobody else has.
-    subroutine close_straight_leg(model, plan, step)
-        type(model_type), intent(inout) :: model
-        type(planning), intent(inout) :: plan
-        type(step_type), intent(inout) :: step
-
-        if (any(model%joint(step%joint(:3))%kind /= [joint_universal, joint_prismatic, joint_spherical])) return
-        if (any(plan%given(:, step%joint(:3)) > 0)) return
-        if (.not. is_straight_leg(model, step)) return
-        call note_ways(model, plan%stand, step)
-        call add_step(plan, step)
-        model%n_orientation = model%n_orientation + 1
-        model%link(step%link(:2))%orientation = model%n_orientation
-    end subroutine close_straight_leg
-
-    !> Does the slide run along the line from U to S, square to the second axis of the universal joint?
-    pure logical function is_straight_leg(model, step)
+    !> Are there a universal joint at its first end, a slide along the line between both ends, square to the second axis of that
+    !> joint, and a ball at the last end? Or a cylindrical joint, which lies in that line, and another universal joint?
+    logical function is_straight_leg(model, step)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
-        real(wp) :: lower(3), upper(3), axis(3)
-        integer :: side
+        real(wp) :: off(3, 2), axis(3, 2), bound
+        integer :: half, kind(3)
+        logical :: turn_as_one
 
-        associate (universal => model%joint(step%joint(1)), slide => model%joint(step%joint(2)), &
-                   ball => model%joint(step%joint(3)))
-            ! from U and from S to the slide's markers, both in the slide's frame
-            side = side_of(slide, step%link(1))
-            lower = in_frame(slide%point(:, side) - universal%point(:, side_of(universal, step%link(1))), side)
-            axis = in_frame(universal%frame(:, 3, side_of(universal, step%link(1))), side)
-            side = side_of(slide, step%link(2))
-            upper = in_frame(slide%point(:, side) - ball%point(:, side_of(ball, step%link(2))), side)
-            is_straight_leg = all(abs(lower(:2) - upper(:2)) <= alignment*max(maxval(abs(lower)), maxval(abs(upper)))) &
-                              .and. abs(axis(3)) <= alignment
-        end associate
+        kind = model%joint(step%joint(:3))%kind
+        turn_as_one = all(kind == [joint_universal, joint_prismatic, joint_spherical])
+        is_straight_leg = turn_as_one .or. all(kind == [joint_universal, joint_cylindrical, joint_universal])
+        if (.not. is_straight_leg) return
+        bound = 0
+        do half = 1, 2
+            call see_half(half, off(:, half), axis(:, half))
+        end do
+        if (turn_as_one) then
+            off(:, 1) = off(:, 1) - off(:, 2)
+            off(:, 2) = 0
+            axis(:, 2) = 0
+        end if
+        is_straight_leg = all(abs(off(:2, :)) <= bound) .and. all(abs(axis(3, :)) <= alignment)
 
     contains
 
-        pure function in_frame(v, side) result(w)
-            real(wp), intent(in) :: v(3)
-            integer, intent(in) :: side
-            real(wp) :: w(3)
+        !> From the end of a half to the slide's marker, and the universal joint's second axis, in the slide's frame.
+        subroutine see_half(half, off, axis)
+            integer, intent(in) :: half
+            real(wp), intent(out) :: off(3), axis(3)
+            integer :: side, its_side
 
-            w = matmul(transpose(model%joint(step%joint(2))%frame(:, :, side)), v)
-        end function in_frame
+            associate (end => model%joint(step%joint(2*half - 1)), slide => model%joint(step%joint(2)))
+                side = side_of(slide, step%link(half))
+                its_side = side_of(end, step%link(half))
+                associate (frame => slide%frame(:, :, side))
+                    off = matmul(slide%point(:, side) - end%point(:, its_side), frame)
+                    axis = matmul(end%frame(:, 3, its_side), frame)
+                end associate
+                bound = max(bound, alignment*maxval(abs([slide%point(:, side), end%point(:, its_side)])))
+            end associate
+        end subroutine see_half
     end function is_straight_leg
 
-    !> A leg closes in four ways: drawn out along its slide's axis or against it, and turned about that or not.
+    !> A leg closes in four ways, or eight: drawn out along its slide's axis or against it, and its halves turned about that or not.
     subroutine note_ways(model, stand, step)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
@@ -781,6 +793,7 @@ contains
             slide = matmul(stand(:, :3, lower), prismatic%frame(:, 3, side_of(prismatic, lower)))
             step%branch = merge(1, -1, dot_product(span, slide) > 0)
             step%turn = turn_as_it_stands(model, stand, step%joint(1), lower, span)
+            if (turns_in_two(model, step)) step%far_turn = turn_as_it_stands(model, stand, step%joint(3), upper, span)
         end associate
     end subroutine note_ways
 

@@ -4,10 +4,13 @@
 !> Each pair goes from a crank or carriage to the platform. The crank turns about a hinge along which its two balls lie, the carriage
 !> slides and does not turn at all: so from ball to ball is the same vector always, as the base sees it. Where it is that of the
 !> platform's balls, too, and both rods are equally long, a platform that stands as the base does closes all of it wherever it is.
+!> In which axes the platform is written does not matter: there is an attitude of it, its *stance*, in which all three pairs fit.
 !>
 !> A pair may be one rod between universal joints (RUU): its outer axes, that on the lead and that on the platform, are parallel like
 !> both rods, and so are its inner ones, square to it.
 module linkdyn_shift_plan
+    use linkdyn_angles, only: angles_of_matrix, matrix_of_angles
+    use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: is_pose_part, pose_position
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, step_rus, side_of, orientation_of
@@ -29,7 +32,14 @@ module linkdyn_shift_plan
         integer :: base = 0                                    !! the link against which it does not turn
         integer :: n_rod = 2                                   !! of a pair
         type(step_type) :: leg(2, n_pair)                      !! lead with either of its rods, as a leg (rod, pair)
+        real(wp) :: stance(3, 3) = 0                           !! axes of the platform in those of the base
     end type shift_type
+
+    !> What keeps a pair parallel: from ball to ball, or of a single rod the outer axes.
+    type :: width_type
+        real(wp) :: of_base(3) = 0, of_platform(3) = 0         !! axes of the base, which sees it so always; of the platform [m, 1]
+        real(wp) :: bound = 0                                  !! how far from exact they may be by rounding
+    end type width_type
 
 contains
 
@@ -70,10 +80,10 @@ contains
         if (shift%platform == 0) return
         call find_pairs(model, member, known(1:), known, given, shift, found)
         if (.not. found) return
-        found = stands_as_base(model, shift) .and. count_joints(model, member, known) == 2*shift%n_rod*n_pair
+        found = count_joints(model, member, known) == 2*shift%n_rod*n_pair
     end subroutine find_hung
 
-    !> The three leads, each with its rods.
+    !> The three leads, each with its rods, and how the platform stands on them.
     pure subroutine find_pairs(model, member, may_lead, known, given, shift, found)
         type(model_type), intent(in) :: model
         integer, intent(in) :: member(:)
@@ -82,6 +92,7 @@ contains
         integer, intent(in) :: given(:, :)
         type(shift_type), intent(inout) :: shift
         logical, intent(out) :: found
+        type(width_type) :: width(n_pair)
         integer :: n, lead, joint(1 + shift%n_rod)
 
         found = .false.
@@ -96,15 +107,16 @@ contains
             call name_pair(model, lead, joint, shift%platform, given, shift%leg(:, n), found)
             if (.not. found) return
             if (shift%position == 0 .and. n == 1) shift%base = base_of(model, shift%leg(1, n))
-            found = base_turns_alike(model, shift, shift%leg(1, n))
             if (shift%n_rod == 1) then
-                found = found .and. holds_like_a_pair(model, shift%platform, shift%leg(1, n))
+                call see_single_rod(model, shift%platform, shift%leg(1, n), width(n), found)
             else
-                found = found .and. is_parallel(model, shift%platform, shift%leg(:, n))
+                call see_pair(model, shift%platform, shift%leg(:, n), width(n), found)
             end if
+            found = found .and. base_turns_alike(model, shift, shift%leg(1, n))
             if (.not. found) return
         end do
         found = n == n_pair
+        if (found) call find_stance(model, width, shift, found)
     end subroutine find_pairs
 
     !> The member of whose pose a position is given, and no attitude.
@@ -130,21 +142,92 @@ contains
         end do
         if (shift%platform == 0) return
         shift%base = model%joint(shift%position)%link(1)
-        if (.not. stands_as_base(model, shift)) shift%platform = 0
     end subroutine find_platform
 
-    !> Does the scene say nothing else of the start?
-    pure logical function stands_as_base(model, shift)
+    !> The attitude of the platform, as the base sees it, in which all pairs fit, unless the scene says another one of the start.
+    !> Lines without a sense may fit in several: the nearest to the start, or to the base's axes, is taken.
+    pure subroutine find_stance(model, width, shift, found)
         type(model_type), intent(in) :: model
-        type(shift_type), intent(in) :: shift
+        type(width_type), intent(in) :: width(n_pair)
+        type(shift_type), intent(inout) :: shift
+        logical, intent(out) :: found
+        real(wp) :: told(3, 3), stance(3, 3), away, nearest
+        logical :: has_start, is_turned(n_pair)
+        integer :: i, k
 
-        associate (link => model%scene%link(shift%platform))
-            stands_as_base = .not. link%has_start
-            if (stands_as_base) return
-            ! which is as the world sees it
-            stands_as_base = orientation_of(model, shift%base) == 0 .and. all(abs(link%start(4:)) <= turned)
-        end associate
-    end function stands_as_base
+        has_start = model%scene%link(shift%platform)%has_start
+        told = matrix_of_angles(merge(model%scene%link(shift%platform)%start(4:), 0.0_wp, has_start))
+        if (has_start .and. orientation_of(model, shift%base) /= 0) then
+            ! it is as the world sees it
+            found = model%scene%link(shift%base)%has_start
+            if (.not. found) return
+            told = matmul(transpose(matrix_of_angles(model%scene%link(shift%base)%start(4:))), told)
+        end if
+        nearest = huge(1.0_wp)
+        do i = 0, merge(2**n_pair - 1, 0, shift%n_rod == 1)
+            is_turned = [(btest(i, k - 1), k=1, n_pair)]
+            call fit_widths(width, is_turned, stance, found)
+            if (.not. found) cycle
+            away = maxval(abs(angles_of_matrix(matmul(transpose(stance), told))))
+            if (away >= nearest) cycle
+            nearest = away
+            shift%stance = stance
+        end do
+        found = nearest <= merge(turned, huge(1.0_wp)/2, has_start)
+    end subroutine find_stance
+
+    !> The rotation that takes what the platform has to what the base has, in some pairs reversed.
+    pure subroutine fit_widths(width, is_turned, stance, found)
+        type(width_type), intent(in) :: width(n_pair)
+        logical, intent(in) :: is_turned(n_pair)
+        real(wp), intent(out) :: stance(3, 3)
+        logical, intent(out) :: found
+        real(wp), parameter :: plain = 4*epsilon(1.0_wp)       !! so near to a whole number an element is that
+        real(wp), parameter :: spread_apart = 1.0e-3_wp        !! sine of the least angle between two widths that tell the attitude
+        real(wp) :: goal(3, n_pair), own(3, n_pair), sine(n_pair)
+        integer :: n, other
+
+        do n = 1, n_pair
+            goal(:, n) = merge(-1, 1, is_turned(n))*width(n)%of_base
+            own(:, n) = width(n)%of_platform
+        end do
+        stance = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
+        found = fits()
+        if (found) return
+        do n = 1, n_pair
+            other = 1 + mod(n, n_pair)
+            sine(n) = norm2(cross(own(:, n), own(:, other)))/(norm2(own(:, n))*norm2(own(:, other)))
+        end do
+        n = maxloc(sine, dim=1)
+        if (sine(n) < spread_apart) return
+        other = 1 + mod(n, n_pair)
+        if (.not. norm2(cross(goal(:, n), goal(:, other))) > 0) return
+        stance = matmul(axes_along(goal(:, n), goal(:, other)), transpose(axes_along(own(:, n), own(:, other))))
+        where (abs(stance - anint(stance)) <= plain) stance = anint(stance)
+        found = fits()
+
+    contains
+
+        pure logical function fits()
+            integer :: k
+
+            fits = .true.
+            do k = 1, n_pair
+                fits = fits .and. all(abs(matmul(stance, own(:, k)) - goal(:, k)) <= width(k)%bound)
+            end do
+        end function fits
+    end subroutine fit_widths
+
+    !> Right-handed axes: the first along a, the third square to a and b.
+    pure function axes_along(a, b) result(axes)
+        real(wp), intent(in) :: a(3), b(3)
+        real(wp) :: axes(3, 3)
+
+        axes(:, 1) = a/norm2(a)
+        axes(:, 3) = cross(a, b)
+        axes(:, 3) = axes(:, 3)/norm2(axes(:, 3))
+        axes(:, 2) = cross(axes(:, 3), axes(:, 1))
+    end function axes_along
 
     !> Of a crank or carriage: the joint to a known link, then those of its rods; zero if it is none.
     pure function joints_of_lead(model, lead, member, known, n_rod) result(joint)
@@ -243,12 +326,14 @@ contains
         end associate
     end function base_of
 
-    !> Does one rod between universal joints do what a pair does?
-    pure logical function holds_like_a_pair(model, platform, leg) result(holds)
+    !> One rod between universal joints that does what a pair does: its outer axes.
+    pure subroutine see_single_rod(model, platform, leg, width, holds)
         type(model_type), intent(in) :: model
         integer, intent(in) :: platform
         type(step_type), intent(in) :: leg
-        real(wp) :: rod(3), on_lead(3), on_base(3), inner(3, 2)
+        type(width_type), intent(out) :: width
+        logical, intent(out) :: holds
+        real(wp) :: rod(3), on_lead(3), inner(3, 2)
         integer :: side
 
         associate (joint => model%joint, first => model%joint(leg%joint(1)), rod_link => leg%link(2))
@@ -260,9 +345,9 @@ contains
             inner(:, 2) = axis_on(3, rod_link)
             side = side_of(first, leg%link(1))
             on_lead = matmul(axis_on(2, leg%link(1)), first%frame(:, :, side))
-            on_base = matmul(first%frame(:, :, 3 - side), on_lead)
+            width = width_type(matmul(first%frame(:, :, 3 - side), on_lead), axis_on(3, platform), alignment)
             holds = norm2(rod) > 0 .and. all(abs(matmul(rod, inner)) <= alignment*norm2(rod)) &
-                    .and. are_parallel(inner(:, 1), inner(:, 2)) .and. are_parallel(on_base, axis_on(3, platform))
+                    .and. are_parallel(inner(:, 1), inner(:, 2))
             if (first%kind == joint_revolute) holds = holds .and. all(abs(on_lead(:2)) <= alignment)
         end associate
 
@@ -284,13 +369,15 @@ contains
 
             are_parallel = min(norm2(a - b), norm2(a + b)) <= alignment
         end function are_parallel
-    end function holds_like_a_pair
+    end subroutine see_single_rod
 
-    !> Are both rods of a pair parallel and equally long wherever the platform is, which stands as the base does?
-    pure logical function is_parallel(model, platform, leg)
+    !> A pair whose rods are equally long, the same for its lead wherever that is: from one ball of it to the other.
+    pure subroutine see_pair(model, platform, leg, width, holds)
         type(model_type), intent(in) :: model
         integer, intent(in) :: platform
         type(step_type), intent(in) :: leg(2)
+        type(width_type), intent(out) :: width
+        logical, intent(out) :: holds
         real(wp) :: at_lead(3), at_platform(3), length(2), bound
         integer :: i, side
 
@@ -303,9 +390,9 @@ contains
         associate (first => model%joint(leg(1)%joint(1)))
             side = side_of(first, leg(1)%link(1))
             at_lead = matmul(at_lead, first%frame(:, :, side))
-            is_parallel = norm2(at_platform) > bound .and. abs(length(1) - length(2)) <= bound
-            if (leg(1)%kind == step_rus) is_parallel = is_parallel .and. all(abs(at_lead(:2)) <= bound)
-            is_parallel = is_parallel .and. all(abs(matmul(first%frame(:, :, 3 - side), at_lead) - at_platform) <= bound)
+            holds = norm2(at_platform) > bound .and. abs(length(1) - length(2)) <= bound
+            if (leg(1)%kind == step_rus) holds = holds .and. all(abs(at_lead(:2)) <= bound)
+            width = width_type(matmul(first%frame(:, :, 3 - side), at_lead), at_platform, bound)
         end associate
 
     contains
@@ -319,5 +406,5 @@ contains
                 point = joint%point(:, side_of(joint, link))
             end associate
         end function own_point
-    end function is_parallel
+    end subroutine see_pair
 end module linkdyn_shift_plan

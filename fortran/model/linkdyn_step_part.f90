@@ -8,7 +8,7 @@ module linkdyn_step_part
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_joint, step_parts, step_ups, is_dyad, &
-        gives_attitude, leads_within, orientation_of
+        gives_attitude, leads_within, orientation_of, turns_in_two
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
     use linkdyn_text, only: listed
@@ -90,7 +90,7 @@ contains
         if (own%kind == step_group) then
             call take_group(model, model%group(own%first), part)
         else
-            call begin_part(model, own%link(:own%n_link), pack(own%joint, own%joint > 0), own%kind == step_ups, part)
+            call begin_part(model, own%link(:own%n_link), pack(own%joint, own%joint > 0), turns_as_one(model, own), part)
             call give(model, pack(own%coordinate, own%coordinate > 0), part)
             own%link(:own%n_link) = [(k, k=1, own%n_link)]
             own%joint = [(merge(k, 0, own%joint(k) > 0), k=1, size(own%joint))]
@@ -113,10 +113,19 @@ contains
         own%number = 1
         part%model%step = [own]
         call end_part(part)
-        part%key = part%key//" step"//listed([own%kind, own%first, own%coordinate, own%branch, own%turn, &
+        part%key = part%key//" step"//listed([own%kind, own%first, own%coordinate, own%branch, own%turn, own%far_turn, &
                                               merge([1, 1, 1, 1], 0, [own%has_branches, own%has_margin, own%from_second, &
                                                                       own%base_moves])])
     end subroutine take_step
+
+    !> Halves of a leg that slide on each other.
+    pure logical function turns_as_one(model, step)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+
+        turns_as_one = step%kind == step_ups
+        if (turns_as_one) turns_as_one = .not. turns_in_two(model, step)
+    end function turns_as_one
 
     subroutine take_group(model, group, part)
         type(model_type), intent(in) :: model
@@ -293,6 +302,10 @@ contains
                 ! a curve is part of the kernel
                 if (joint%kind == joint_cam) part%key = part%key//" cam"//curve_text(part%model%scene%joint(i)%cam)
             end associate
+        end do
+        do i = 1, size(part%model%step)
+            k = at%stance(i)
+            if (k > 0) part%varies(k:k + 8) = part%number(k:k + 8) /= 0 .and. abs(part%number(k:k + 8)) /= 1
         end do
         do i = 1, part%model%n_q
             associate (c => part%model%scene%coordinate(i))
