@@ -72,7 +72,7 @@ def test_a_stop_brakes_a_rotor_behind_a_gear(load: float) -> None:
     np.testing.assert_allclose(run.event_loss.values[0], (1e-4 + 0.6e-4) * speed**2 / 2, rtol=1e-9)
 
 
-@pytest.mark.parametrize("load", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("load", [0.0, 0.01, 0.1])
 @pytest.mark.parametrize("speed", [10.0, -10.0])
 def test_a_lock_brakes_a_rotor_behind_a_gear(load: float, speed: float) -> None:
     """The same both ways, and the momentum that is left is shared by both shafts."""
