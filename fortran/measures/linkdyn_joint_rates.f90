@@ -8,11 +8,9 @@ module linkdyn_joint_rates
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, orientation_of
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
-        planar_actuator_columns
+    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_joint_rate
     use linkdyn_point, only: point_velocity
-    use linkdyn_scene, only: joint_n_variable
-    use linkdyn_scene, only: coordinate_joint
+    use linkdyn_scene, only: joint_n_variable, coordinate_joint
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.)
     use linkdyn_whole_turns, only: nearest_turns
@@ -242,12 +240,10 @@ contains
         real(wp), intent(out) :: rate(lanes, *)    !! (lane, n_actuator) [m/s, rad/s]
         integer :: i
 
-        if (model%is_planar) then
-            call planar_actuator_rates(model, state, rate)
-            return
-        end if
         do i = 1, model%n_actuator
-            call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
+            associate (drive => model%scene%actuator(i))
+                rate(:, i) = joint_rate(model, state, drive%joint, drive%variable, level_velocity)
+            end associate
         end do
     end subroutine actuator_rates
 
@@ -259,13 +255,11 @@ contains
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
         integer :: i, k
 
-        if (model%is_planar) then
-            call planar_actuator_columns(model, state, rate)
-            return
-        end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
-                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                associate (drive => model%scene%actuator(i))
+                    rate(:, i, k) = joint_rate(model, state, drive%joint, drive%variable, k)
+                end associate
             end do
         end do
     end subroutine actuator_columns
@@ -286,26 +280,6 @@ contains
             end do
         end do
     end function normal_matrix
-
-    subroutine actuator_rate(model, state, i, velocity, omega, rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: i
-        type(vec3), intent(in) :: velocity(0:), omega(0:)    !! of the origins and orientations, world axes
-        real(wp), intent(out) :: rate(lanes)
-        type(joint_view) :: view
-        type(vec3) :: axis
-
-        associate (spec => model%scene%actuator(i), kind => model%joint(model%scene%actuator(i)%joint)%told_kind)
-            call view_joint(model, state, spec%joint, velocity, omega, view)
-            axis = driven_axis(model, state, spec%joint, spec%variable, view)
-            if (is_slide(kind, spec%variable)) then
-                rate = view%slide_rate.dot.axis
-            else
-                rate = view%omega.dot.axis
-            end if
-        end associate
-    end subroutine actuator_rate
 
     !> About or along which a drive acts on the second link.
     pure function driven_axis(model, state, j, variable, view) result(axis)

@@ -17,23 +17,11 @@ contains
         integer, intent(in) :: o          !! orientation of the link
         type(vec2), intent(in) :: arm     !! world axes [m]
         type(vec2) :: motion
-
-        motion = carry(plane, level, plane%linear(level, link), o, arm)
-    end function carried
-
-    !> The same from the motion of any other point of the link.
-    pure function carry(plane, level, from, o, arm) result(motion)
-        type(planar_motion), intent(in) :: plane
-        integer, intent(in) :: level
-        type(vec2), intent(in) :: from
-        integer, intent(in) :: o
-        type(vec2), intent(in) :: arm     !! from that point to the other
-        type(vec2) :: motion
         real(wp) :: square(lanes)
 
-        motion = from + plane%angular(:, level, o)*perp(arm)
+        motion = plane%linear(level, link) + plane%angular(:, level, o)*perp(arm)
         if (level /= level_given) return
         square = plane%angular(:, level_velocity, o)**2
         motion = motion - square*arm
-    end function carry
+    end function carried
 end module linkdyn_planar_point

@@ -10,8 +10,7 @@ module linkdyn_planar_rates
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
-        planar_actuator_columns
+    public :: measure_planar_joints, measure_planar_variable, planar_joint_rate
 
 contains
 
@@ -99,29 +98,4 @@ contains
                    .dot.(plane%rotation(o(1)).rotate.joint%told_frame(:2, 3, 1))
         end associate
     end function planar_joint_rate
-
-    subroutine planar_actuator_rates(model, state, rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: rate(lanes, *)    !! (lane, n_actuator) [m/s, rad/s]
-        integer :: i
-
-        do i = 1, model%n_actuator
-            rate(:, i) = planar_joint_rate(model, state, model%scene%actuator(i)%joint, level_velocity)
-        end do
-    end subroutine planar_actuator_rates
-
-    !> The actuators' Jacobian. Needs the acceleration columns.
-    subroutine planar_actuator_columns(model, state, rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
-        integer :: i, k
-
-        do k = 1, model%n_q
-            do i = 1, model%n_actuator
-                rate(:, i, k) = planar_joint_rate(model, state, model%scene%actuator(i)%joint, k)
-            end do
-        end do
-    end subroutine planar_actuator_columns
 end module linkdyn_planar_rates
