@@ -61,7 +61,7 @@ contains
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)
         end if
-        if (status%is_ok()) call run_blocks(config, watched, instants, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(watched, instants, output, summary, seconds, status)
         if (.not. status%is_ok()) then
             call finish_watched(watched)
             call say(status%message)
@@ -131,8 +131,7 @@ contains
         if (from + n - 1 == instants%n) t(n) = instants%last
     end function times_of
 
-    subroutine run_blocks(config, watched, instants, output, summary, seconds, status)
-        type(command_line), intent(in) :: config
+    subroutine run_blocks(watched, instants, output, summary, seconds, status)
         type(watched_run), intent(inout) :: watched
         type(instants_type), intent(in) :: instants
         type(output_type), intent(inout) :: output

@@ -56,7 +56,7 @@ contains
         hash = 0
         if (status%is_ok()) hash = sweep_hash(run)
         call group%agree(trim(config%scene), hash, status)
-        if (status%is_ok()) call begin_rounds(run, config%options%threads, group, rounds)
+        if (status%is_ok()) call begin_rounds(config%options%threads, group, rounds)
         if (status%is_ok() .and. is_first) then
             output = default_name(config%scene)//"_sweep.nc"
             if (allocated(config%output)) output = config%output

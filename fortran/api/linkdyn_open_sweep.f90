@@ -49,7 +49,7 @@ contains
         if (.not. status%is_ok()) return
         allocate (new)
         call start_sweep(wished, variants_of(wished, folder), solver, new%run, status)
-        call begin_rounds(new%run, threads, process_group(), new%rounds)
+        call begin_rounds(threads, process_group(), new%rounds)
         if (len(output) > 0 .and. .not. is_interrupted()) &
             call keep_beside(output, resumes, interval, "resume=True", new%run, new%rounds, status)
         thing => new

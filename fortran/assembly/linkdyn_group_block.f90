@@ -336,14 +336,13 @@ contains
         n_before = 0
         do g = 1, size(model%group)
             if (.not. any(block%is_closed)) return
-            call close_group(model, model%group(g), g, n_before, closer, block)
+            call close_group(model%group(g), g, n_before, closer, block)
             n_before = n_before + model%group(g)%n_thread
         end do
     end subroutine close_block
 
     !> Newton's method. Samples that have arrived stay: what one gives must not depend on those beside it.
-    subroutine close_group(model, group, g, n_before, closer, block)
-        type(model_type), intent(in) :: model
+    subroutine close_group(group, g, n_before, closer, block)
         type(group_type), intent(in) :: group
         integer, intent(in) :: g                               !! its number
         integer, intent(in) :: n_before                        !! threads of groups before it

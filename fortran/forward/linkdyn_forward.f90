@@ -39,7 +39,7 @@ module linkdyn_forward
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, coordinates_in_words, tolerance_in_words, rounding_in_words, integrator_options, &
+    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, integrator_options, &
         choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
@@ -253,19 +253,4 @@ contains
             run%good_until = min(run%good_until, run%options%t_start + run%options%integrator%span)
         run%reason = "interrupted at t = "//to_text(run%good_until)//" s"
     end subroutine interrupt_forward
-
-    !> A whole run: t are the output instants, increasing. A run that stops early is no error: see `run`.
-    subroutine run_forward(model, options, t, results, run, status)
-        type(model_type), intent(in), target :: model
-        type(forward_options), intent(in) :: options
-        real(wp), intent(in) :: t(:)                   !! [s] (n)
-        type(forward_results), intent(inout) :: results
-        type(forward_run), intent(inout) :: run        !! statistics; why and where it stopped
-        type(status_type), intent(inout) :: status
-        integer :: n_done
-
-        call start_forward(model, options, run, status)
-        if (status%is_ok()) call advance_forward(run, t, results, n_done)
-        call finish_forward(run)
-    end subroutine run_forward
 end module linkdyn_forward

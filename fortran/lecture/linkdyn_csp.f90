@@ -28,7 +28,7 @@ module linkdyn_csp
         real(wp) :: per_slope(lanes)         !! 1/(n.y)
         real(wp) :: per_radius2(lanes)       !! 1/n.n
         real(wp) :: sigma_rate(lanes), slide_rate(lanes), turn_rate(lanes)    !! turn: of the coupler about the axis
-        type(vec3) :: w_rate, u_rate, y_rate
+        type(vec3) :: w_rate, u_rate
     end type csp_group
 
 contains
@@ -82,14 +82,12 @@ contains
     end subroutine drop_uncertain_rates
 
     !> Velocity: rates of the slide, along and about the axis.
-    pure subroutine move_csp(span_rate, omega, slide_omega, group)
+    pure subroutine move_csp(span_rate, omega, group)
         type(vec3), intent(in) :: span_rate  !! velocity of S with the slide held, less that of the point of the axis [m/s]
         type(vec3), intent(in) :: omega      !! angular velocity of the link that carries the axis [rad/s]
-        type(vec3), intent(in) :: slide_omega    !! of the link that carries the slide [rad/s]
         type(csp_group), intent(inout) :: group
 
         group%u_rate = omega.cross.group%u
-        group%y_rate = slide_omega.cross.group%y
         group%slide_rate = (group%n.dot.(group%sigma*group%u_rate - span_rate))*group%per_slope
         group%w_rate = span_rate + group%slide_rate*group%y
         group%sigma_rate = (group%w_rate.dot.group%u) + (group%w.dot.group%u_rate)

@@ -128,7 +128,7 @@ contains
 
         ! S as a point of the link that carries the slide, then with the slide's own motion and its Coriolis part.
         held = carried_point(slide_point, to_s + group%slide*group%y, omega_p, alpha_p)
-        call move_csp(held%dp - axis_point%dp, omega_c, omega_p, group)
+        call move_csp(held%dp - axis_point%dp, omega_c, group)
         held%ddp = held%ddp + (2*group%slide_rate)*(omega_p.cross.group%y)
         call accelerate_csp(group, held%ddp - axis_point%ddp, omega_c, alpha_c, slide_rate2, turn_rate2)
         s_point%p = held%p

@@ -20,7 +20,6 @@ module linkdyn_redundancy
     type :: redundancy_type
         logical :: is_known = .false.                   !! the loop was closed
         integer :: count = 0                            !! redundant directions
-        integer :: mobility = 0                         !! freedoms that the joints leave, as the loop is made
         character(len=:), allocatable :: directions     !! "of joint 'D' the force along its axis and ..."
         character(len=:), allocatable :: remedy         !! "make joint 'D' spherical"; empty: no other kind helps
         character(len=:), allocatable :: gap            !! of one that hardly misses: "joint 'D' stays open by 2e-5 m"; empty: it closes,
@@ -47,7 +46,6 @@ contains
         call list_rows(model, loop, rows)
         is_redundant = redundant_rows(rows, least_new(loop))
         found%count = count(is_redundant)
-        found%mobility = size(rows%row, 1) - rows%n + found%count
         found%directions = words_of(model, loop, rows, is_redundant)
         found%remedy = remedy_of(model, loop, found%count)
     end function find_redundancy

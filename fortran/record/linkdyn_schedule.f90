@@ -50,7 +50,7 @@ contains
 
         call mark_needed(record, output, given, schedule%is_needed)
         call choose_instructions(record, output, given, fuses, schedule%is_needed, how)
-        call put_in_order(record, output, given, how, schedule%step, schedule%done_after)
+        call put_in_order(record, output, how, schedule%step, schedule%done_after)
     end subroutine make_schedule
 
     !> Nodes are made after their operands: one walk back.
@@ -258,10 +258,9 @@ contains
     end function is_sum
 
     !> Depth first from the outputs: a value is made just before it is first used, an addend just before its sum.
-    subroutine put_in_order(record, output, given, how, step, done_after)
+    subroutine put_in_order(record, output, how, step, done_after)
         type(record_type), intent(in) :: record
         type(value), intent(in) :: output(:)
-        logical, intent(in) :: given(:)
         type(instruction), intent(in) :: how(:)
         type(instruction), allocatable, intent(out) :: step(:)
         integer, allocatable, intent(out) :: done_after(:)

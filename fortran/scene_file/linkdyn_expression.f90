@@ -421,7 +421,7 @@ contains
                 if (scan(reader%text(i:i), letters) == 0) cycle
                 if (scan(reader%text(i - 1:i - 1), letters) > 0) cycle
                 name = name_at(reader%text, i)
-                if (names%has(name) .and. is_unit_name(name) .and. .not. is_arithmetic(reader, names)) call refuse_both(name)
+                if (names%has(name) .and. is_unit_name(name) .and. .not. is_arithmetic(reader)) call refuse_both(name)
                 if (reader%problem /= "") return
             end do
         else
@@ -442,9 +442,8 @@ contains
     end subroutine check_double_meaning
 
     !> Brackets that hold more than units.
-    logical function is_arithmetic(reader, names)
+    logical function is_arithmetic(reader)
         type(reader_type), intent(in) :: reader
-        class(name_source), intent(in) :: names
         real(wp) :: factor
         integer :: power(n_dimension), next
 

@@ -637,7 +637,7 @@ contains
         law%over_name = symbol%name
         law%over_unit = of_argument%unit
         call get_quantity(place, "period", of_argument, law%period, status, has_period)
-        if (has_period) call close_period(place, shelf, law, trim(argument), status)
+        if (has_period) call close_period(place, shelf, law, status)
         if (.not. status%is_ok()) return
         if (size(law%table%time) < 2) then
             call refuse(place, "the table has a single row (expected two or more)", status)
@@ -672,11 +672,10 @@ contains
     end subroutine find_over
 
     !> Rows of one period: the first row closes it, unless the last one does.
-    subroutine close_period(place, shelf, law, argument, status)
+    subroutine close_period(place, shelf, law, status)
         type(scene_place), intent(in) :: place
         type(table_shelf), intent(in) :: shelf
         type(state_law), intent(inout) :: law
-        character(len=*), intent(in) :: argument       !! column
         type(status_type), intent(inout) :: status
         real(wp), parameter :: close = 1.0e-9_wp
         real(wp), parameter :: longest_gap = 20            ! 360 beside a table in degrees is radians: 57 times as much

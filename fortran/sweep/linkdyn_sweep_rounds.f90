@@ -54,8 +54,7 @@ contains
         if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
     end function kept_width
 
-    subroutine begin_rounds(run, threads, group, rounds)
-        type(sweep_run), intent(in) :: run
+    subroutine begin_rounds(threads, group, rounds)
         integer, intent(in) :: threads                     !! of a process
         class(process_group), intent(in) :: group
         type(sweep_rounds), intent(inout) :: rounds

@@ -3,7 +3,7 @@ module test_forward
     use linkdyn_result_kinds, only: result_closure, result_kinetic_energy, result_potential_energy, result_power_imbalance
     use linkdyn_builder, only: build_model
     use linkdyn_ensemble, only: run_ensemble
-    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, method_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -13,6 +13,7 @@ module test_forward
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, status_bad_input
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_whole_run, only: run_forward
     implicit none (type, external)
     private
     public :: collect_forward

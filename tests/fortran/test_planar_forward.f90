@@ -4,7 +4,7 @@ module test_planar_forward
     use linkdyn_builder, only: build_model
     use linkdyn_constants, only: pi
     use linkdyn_ensemble, only: run_ensemble
-    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, &
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, &
         default_method, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -18,6 +18,7 @@ module test_planar_forward
     use linkdyn_status, only: status_type
     use linkdyn_test_scenes, only: new_scene, add_link, add_joint, add_joint_coordinates, start_at
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_whole_run, only: run_forward
     implicit none (type, external)
     private
     public :: collect_planar_forward
