@@ -24,7 +24,7 @@ module linkdyn_results
     use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque, transmission_friction
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
-        side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch, n_chamber, side_opening
+        side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch, n_chamber, side_opening, at_stiffness
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     use linkdyn_text, only: one_of
     implicit none (type, external)
@@ -507,7 +507,7 @@ contains
         associate (strand => layout%dimension(dim_strand))
             allocate (strand%label(0))
             do j = 1, n_holding(scene)
-                if (.not. scene%joint(j)%strand(1) > 0) cycle
+                if (.not. scene%joint(j)%strand(at_stiffness) > 0) cycle
                 strand%label = [character(len=label_len) :: strand%label, &
                                 (trim(scene%joint(j)%name)//"."//achar(iachar("0") + k), k=1, 2)]
             end do

@@ -25,7 +25,7 @@ module linkdyn_builder
     use linkdyn_preloads, only: refuse_idle_preloads
     use linkdyn_release, only: release_joints, is_released_alike, release_alike
     use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, marker_frame, hold_spec, law_spec, &
-        joint_n_variable, joint_prismatic, frame_link, n_holding
+        joint_n_variable, joint_prismatic, frame_link, n_holding, at_stiffness
     use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -210,7 +210,7 @@ contains
             call take_joint(scene, i, model%joint(i))
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
-            if (scene%joint(i)%strand(1) > 0) then
+            if (scene%joint(i)%strand(at_stiffness) > 0) then
                 n_belt = n_belt + 1
                 model%joint(i)%belt = n_belt
             end if
@@ -431,7 +431,7 @@ contains
         associate (spec => scene%joint(index))
             joint%name = spec%name
             joint%kind = spec%kind
-            if (spec%strand(1) > 0) joint%kind = joint_loose        ! it pulls, and holds nothing
+            if (spec%strand(at_stiffness) > 0) joint%kind = joint_loose        ! it pulls, and holds nothing
             joint%told_kind = spec%kind
             joint%link = spec%link
             joint%pitch = spec%lead/two_pi

@@ -12,7 +12,7 @@ module linkdyn_similar_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, link_freedom, is_length, effort_power
     use linkdyn_scene, only: law_spec, effort_law, effort_constant, effort_table, effort_spring_damper, effort_dc_motor, &
-        effort_pd, at_force, at_stiffness, at_damping, at_rest, at_torque_constant, law_harmonic, motor_spec, &
+        effort_pd, at_force, at_stiffness, at_damping, at_rest, at_pretension, at_torque_constant, law_harmonic, motor_spec, &
         cylinder_spec, n_clutch
     use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
@@ -327,9 +327,9 @@ contains
                 call scale_gear(scale, belt%gear)
                 belt%lever = scale*belt%lever
                 belt%weight = scale*belt%weight
-                belt%number(3) = scale*belt%number(3)
+                belt%strand(at_pretension) = scale*belt%strand(at_pretension)
                 spec%wheel = scale*spec%wheel
-                spec%strand(3) = scale*spec%strand(3)
+                spec%strand(at_pretension) = scale*spec%strand(at_pretension)
             end associate
         end do
         do i = 1, size(model%led)

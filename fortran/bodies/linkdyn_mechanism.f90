@@ -10,7 +10,8 @@ module linkdyn_mechanism
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, step_ups, side_of, has_rod, rod_of, inner_of_rod, outer_of_rod, &
         universal_of_rod, only_shifts, turns_in_two
-    use linkdyn_numbers, only: number_places, place_numbers
+    use linkdyn_numbers, only: number_places, place_numbers, to_cog, to_inertia, to_frame, to_told_frame, to_couple, to_push, &
+        to_pitch_point, to_line, to_lever, to_strand, to_total, to_weight, to_spring_point, of_drive
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_record, only: constant_of
     use linkdyn_scene, only: cam_spec
@@ -24,7 +25,8 @@ module linkdyn_mechanism
     public :: told_marker_frame
     public :: payload_properties
     public :: scene_rod, scene_line
-    public :: set_slide, wheel_wrench, wheel_push, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
+    public :: set_slide, wheel_wrench, wheel_push, belt_wrench, pair_of, told_pair_of, gravity_of, in_own_axes
+    public :: strand_numbers, belt_total, belt_weights
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, root_of, scene_point_of_origin, scene_rotation, least_square
 
@@ -120,7 +122,7 @@ contains
 
         associate (r => mechanism%own(mechanism%model%gear(g)%carrier)%r, at => mechanism%at%gear(g))
             force = r.rotate.point_at(mechanism, at)
-            couple = r.rotate.point_at(mechanism, at + 3*side)
+            couple = r.rotate.point_at(mechanism, at + to_couple(side))
         end associate
     end subroutine wheel_wrench
 
@@ -131,9 +133,10 @@ contains
         type(vector), intent(out) :: push, pitch
 
         associate (r => mechanism%own(mechanism%model%gear(g)%carrier)%r, at => mechanism%at%gear(g))
-            push = r.rotate.point_at(mechanism, at + 9)
+            push = r.rotate.point_at(mechanism, at + to_push)
         end associate
-        pitch = in_own_axes(mechanism, mechanism%model%gear(g)%carrier, point_at(mechanism, mechanism%at%gear(g) + 12))
+        pitch = in_own_axes(mechanism, mechanism%model%gear(g)%carrier, &
+                            point_at(mechanism, mechanism%at%gear(g) + to_pitch_point))
     end subroutine wheel_push
 
     !> What a belt that stretches does to one of its wheels, as above: for a unit of the difference of its tensions, and of their sum.
@@ -145,23 +148,43 @@ contains
 
         associate (r => mechanism%own(mechanism%model%belt(i)%gear%carrier)%r, at => mechanism%at%belt(i))
             difference = r.rotate.point_at(mechanism, at)
-            couple = r.rotate.point_at(mechanism, at + 3*side)
-            line = r.rotate.point_at(mechanism, at + 9)
+            couple = r.rotate.point_at(mechanism, at + to_couple(side))
+            line = r.rotate.point_at(mechanism, at + to_line)
             lever = zero_vector()
-            if (side == 2) lever = r.rotate.point_at(mechanism, at + 12)
+            if (side == 2) lever = r.rotate.point_at(mechanism, at + to_lever)
         end associate
     end subroutine belt_wrench
 
-    !> Stiffness, damping and pretension of a strand, the sum that stays of a rigid belt, and the weights of the variables in it.
-    function belt_numbers(mechanism, i) result(k)
+    !> Stiffness, damping and pretension of a strand.
+    function strand_numbers(mechanism, i) result(k)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
-        type(value), allocatable :: k(:)
+        type(value) :: k(3)
 
-        associate (at => mechanism%at%belt(i))
-            k = mechanism%number(at + 15:at + 18 + size(mechanism%model%belt(i)%joint))
+        associate (at => mechanism%at%belt(i) + to_strand)
+            k = mechanism%number(at:at + 2)
         end associate
-    end function belt_numbers
+    end function strand_numbers
+
+    !> What stays of the sum of variables of a rigid belt.
+    function belt_total(mechanism, i) result(total)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: total
+
+        total = mechanism%number(mechanism%at%belt(i) + to_total)
+    end function belt_total
+
+    !> The weights of the variables in that sum.
+    function belt_weights(mechanism, i) result(weight)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: weight(size(mechanism%model%belt(i)%joint))
+
+        associate (at => mechanism%at%belt(i) + to_weight)
+            weight = mechanism%number(at:at + size(weight) - 1)
+        end associate
+    end function belt_weights
 
     !> Each joint with its own numbers.
     subroutine make_kinds(mechanism)
@@ -219,8 +242,8 @@ contains
 
         associate (at => mechanism%at%link(link), r => mechanism%own(link)%r)
             p%mass = mechanism%number(at)
-            p%cog = in_own_axes(mechanism, link, point_at(mechanism, at + 1))
-            associate (i => mechanism%number(at + 4:at + 9))
+            p%cog = in_own_axes(mechanism, link, point_at(mechanism, at + to_cog))
+            associate (i => mechanism%number(at + to_inertia:at + to_inertia + 5))
                 tensor = reshape([i(1), i(4), i(6), i(4), i(2), i(5), i(6), i(5), i(3)], [3, 3])
             end associate
             ! R I R^T
@@ -357,7 +380,8 @@ contains
         integer, intent(in) :: joint, side
         type(rotation) :: f
 
-        f = mechanism%own(mechanism%model%joint(joint)%link(side))%r*frame_at(mechanism, mechanism%at%marker(side, joint) + 12)
+        f = mechanism%own(mechanism%model%joint(joint)%link(side))%r&
+            *frame_at(mechanism, mechanism%at%marker(side, joint) + to_told_frame)
     end function told_marker_frame
 
     !> A joint's marker as the scene has it, link axes.
@@ -374,7 +398,7 @@ contains
         integer, intent(in) :: joint, side
         type(rotation) :: f
 
-        f = frame_at(mechanism, mechanism%at%marker(side, joint) + 3)
+        f = frame_at(mechanism, mechanism%at%marker(side, joint) + to_frame)
     end function scene_frame
 
     function frame_at(mechanism, k) result(f)
@@ -549,16 +573,17 @@ contains
         integer, intent(in) :: i, side
         type(vector) :: p
 
-        p = in_own_axes(mechanism, mechanism%model%scene%spring(i)%link(side), point_at(mechanism, mechanism%at%spring(i) + 3*side))
+        p = in_own_axes(mechanism, mechanism%model%scene%spring(i)%link(side), &
+                        point_at(mechanism, mechanism%at%spring(i) + to_spring_point(side)))
     end function spring_point
 
     !> Parameters of a drive, as `effort_law` lists them.
     function drive_numbers(mechanism, i) result(k)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
-        type(value) :: k(8)
+        type(value) :: k(of_drive)
 
-        k = mechanism%number(mechanism%at%drive(i):mechanism%at%drive(i) + 7)
+        k = mechanism%number(mechanism%at%drive(i):mechanism%at%drive(i) + of_drive - 1)
     end function drive_numbers
 
     function point_at(mechanism, k) result(p)

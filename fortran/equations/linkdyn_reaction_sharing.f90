@@ -16,6 +16,7 @@ module linkdyn_reaction_sharing
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, marker_frame, marker_point, point_of_action
     use linkdyn_model, only: model_type, arm_type, is_released, scene_size
     use linkdyn_null_states, only: null_states, find_null_states
+    use linkdyn_numbers, only: to_frame, to_told_frame
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_scene, only: share_by_stiffness
     use linkdyn_system, only: system_type, solved
@@ -113,7 +114,7 @@ contains
             if (.not. is_released(model%joint(j)) .or. is_geared(model%joint(j)%told_kind)) cycle
             do side = 1, 2
                 associate (at => mechanism%at%marker(side, j))
-                    number(at + 3:at + 11) = number(at + 12:at + 20)
+                    number(at + to_frame:at + to_frame + 8) = number(at + to_told_frame:at + to_told_frame + 8)
                 end associate
             end do
         end do

@@ -6,7 +6,9 @@ module linkdyn_belts
     use linkdyn_acting, only: acting_type, turned
     use linkdyn_kinds, only: wp
     use linkdyn_joint_variables, only: one_variable, variable_rate
-    use linkdyn_mechanism, only: mechanism_type, belt_wrench, belt_numbers, marker_point
+    use linkdyn_mechanism, only: mechanism_type, belt_wrench, strand_numbers, belt_total, belt_weights, &
+        marker_point
+    use linkdyn_scene, only: at_stiffness, at_damping, at_pretension
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), operator(/), max, square
     use linkdyn_vector, only: vector, components, operator(+), operator(*)
     implicit none (type, external)
@@ -61,13 +63,13 @@ contains
         integer, intent(in) :: i
         type(value) :: tension(2)
         type(value) :: stretch, rate, pull
-        type(value), allocatable :: k(:)
+        type(value) :: k(3)
 
-        k = belt_numbers(mechanism, i)
+        k = strand_numbers(mechanism, i)
         call measure_stretch(mechanism, i, stretch, rate)
-        pull = k(1)*stretch + k(2)*rate
-        tension(1) = max(k(3) + pull, zero())
-        tension(2) = max(k(3) - pull, zero())
+        pull = k(at_stiffness)*stretch + k(at_damping)*rate
+        tension(1) = max(k(at_pretension) + pull, zero())
+        tension(2) = max(k(at_pretension) - pull, zero())
     end function strand_forces
 
     !> Energy stored in both strands [J].
@@ -75,12 +77,14 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
         type(value) :: energy
-        type(value) :: stretch, rate
-        type(value), allocatable :: k(:)
+        type(value) :: stretch, rate, pull
+        type(value) :: k(3)
 
-        k = belt_numbers(mechanism, i)
+        k = strand_numbers(mechanism, i)
         call measure_stretch(mechanism, i, stretch, rate)
-        energy = (square(max(k(3) + k(1)*stretch, zero())) + square(max(k(3) - k(1)*stretch, zero())))/(2.0_wp*k(1))
+        pull = k(at_stiffness)*stretch
+        energy = (square(max(k(at_pretension) + pull, zero())) + square(max(k(at_pretension) - pull, zero()))) &
+                 /(2.0_wp*k(at_stiffness))
     end function belt_energy
 
     !> How far the wheels have turned against each other along the belt, and how fast [m, m/s].
@@ -88,16 +92,14 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
         type(value), intent(out) :: stretch, rate
-        type(value), allocatable :: k(:)
         integer :: n
 
-        k = belt_numbers(mechanism, i)
-        stretch = k(4)
+        stretch = belt_total(mechanism, i)
         rate = zero()
-        associate (joint => mechanism%model%belt(i)%joint)
+        associate (joint => mechanism%model%belt(i)%joint, weight => belt_weights(mechanism, i))
             do n = 1, size(joint)
-                stretch = stretch - k(4 + n)*one_variable(mechanism, joint(n), 1)
-                rate = rate - k(4 + n)*variable_rate(mechanism, joint(n), 1)
+                stretch = stretch - weight(n)*one_variable(mechanism, joint(n), 1)
+                rate = rate - weight(n)*variable_rate(mechanism, joint(n), 1)
             end do
         end associate
     end subroutine measure_stretch

@@ -5,6 +5,7 @@ module linkdyn_springs
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, spring_numbers, spring_point, must_be_positive
+    use linkdyn_scene, only: at_stiffness, at_damping, at_rest
     use linkdyn_value, only: value, zero, is_zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
     use linkdyn_vector, only: vector, zero_vector, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
@@ -30,7 +31,7 @@ contains
             if (needs_direction(mechanism, i)) then
                 call measure_spring(mechanism, i, length, rate, line)
                 associate (k => spring_numbers(mechanism, i))
-                    tension = k(1)*(length - k(3)) + k(2)*rate + mechanism%pull(i)
+                    tension = k(at_stiffness)*(length - k(at_rest)) + k(at_damping)*rate + mechanism%pull(i)
                 end associate
                 if (spring%joint > 0) then
                     acting = [at_joint_variable(mechanism, spring%joint, spring%variable, -tension)]
@@ -40,7 +41,7 @@ contains
                 on_first = tension*line
             else
                 associate (k => spring_numbers(mechanism, i))
-                    on_first = k(1)*span_of(mechanism, i)
+                    on_first = k(at_stiffness)*span_of(mechanism, i)
                 end associate
             end if
             allocate (acting(2))
@@ -65,7 +66,7 @@ contains
         needs_direction = .false.
         if (mechanism%model%scene%spring(i)%measure > 0) return
         k = spring_numbers(mechanism, i)
-        needs_direction = mechanism%model%scene%spring(i)%joint > 0 .or. .not. (is_zero(k(2)) .and. is_zero(k(3)) &
+        needs_direction = mechanism%model%scene%spring(i)%joint > 0 .or. .not. (is_zero(k(at_damping)) .and. is_zero(k(at_rest)) &
                                                                                .and. is_zero(mechanism%pull(i)))
     end function needs_direction
 
@@ -97,7 +98,7 @@ contains
         if (mechanism%model%scene%spring(i)%measure > 0) return
         call measure_spring(mechanism, i, length, rate, line)
         k = spring_numbers(mechanism, i)
-        energy = (0.5_wp*k(1))*square(length - k(3))
+        energy = (0.5_wp*k(at_stiffness))*square(length - k(at_rest))
     end function spring_energy
 
     !> Measure by how much a spring is longer than at rest, and how fast that grows.
@@ -110,7 +111,7 @@ contains
 
         k = spring_numbers(mechanism, i)
         call measure_spring(mechanism, i, length, rate, line)
-        stretch = length - k(3)
+        stretch = length - k(at_rest)
     end subroutine measure_spring_stretch
 
     !> Length or joint variable of a spring, its rate, and between markers the direction from the first to the second.
@@ -125,7 +126,7 @@ contains
         associate (spring => mechanism%model%scene%spring(i), bodies => mechanism%bodies)
             if (spring%joint > 0) then
                 k = spring_numbers(mechanism, i)
-                length = variable_near(mechanism, spring%joint, spring%variable, k(3))
+                length = variable_near(mechanism, spring%joint, spring%variable, k(at_rest))
                 rate = variable_rate(mechanism, spring%joint, spring%variable)
                 line = zero_vector()
                 return

@@ -13,7 +13,7 @@ module linkdyn_stiffest_part
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: effort_law, effort_constant, effort_spring_damper, effort_dc_motor, effort_pd, effort_inverse, &
-        controller_spec, measure_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber
+        controller_spec, measure_joint, is_at_motor, side_voltage, side_opening, is_sampled, n_chamber, at_stiffness, at_damping
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     implicit none (type, external)
@@ -43,7 +43,7 @@ contains
         bare%scene%spring%damping = 0
         bare%scene%base%moves = .false.
         do i = 1, size(bare%belt)
-            bare%belt(i)%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
+            bare%belt(i)%strand = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
         end do
         do i = 1, bare%n_actuator
             if (bare%scene%actuator(i)%law%kind /= effort_inverse) bare%scene%actuator(i)%law = effort_law(kind=effort_constant)
@@ -61,8 +61,8 @@ contains
             end associate
         end do
         do i = 1, size(model%belt)
-            associate (k => model%belt(i)%number)
-                of_part = rate_of(2*k(1), 2*k(2), mobility_at_belt(bare, system, t, y, i))
+            associate (k => model%belt(i)%strand)
+                of_part = rate_of(2*k(at_stiffness), 2*k(at_damping), mobility_at_belt(bare, system, t, y, i))
                 if (of_part > rate) name = "belt "//quoted(model%joint(model%belt(i)%gear%joint)%name)
                 rate = max(rate, of_part)
             end associate
@@ -183,11 +183,11 @@ contains
             total = belt%gear%total
             call measure_stretch(bare, i, system%workspace%state, stretch, rate)
             belt%gear%total = total - stretch(1) + 0.5_wp
-            belt%number = [1.0_wp, 0.0_wp, 1.0_wp]
+            belt%strand = [1.0_wp, 0.0_wp, 1.0_wp]
             call system%renew()
             acceleration = acceleration_at(system, t, y) - acceleration
             belt%gear%total = total
-            belt%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
+            belt%strand = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
             call system%renew()
         end associate
         call move(system, t, y, acceleration)

@@ -5,6 +5,7 @@ module linkdyn_belt_measures
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_scene, only: at_stiffness, at_damping, at_pretension
     implicit none (type, external)
     private
     public :: measure_strands, measure_stretch, strand_energy
@@ -20,10 +21,10 @@ contains
         real(wp), dimension(lanes) :: stretch, rate, pull
 
         call measure_stretch(model, i, state, stretch, rate)
-        associate (k => model%belt(i)%number)
-            pull = k(1)*stretch + k(2)*rate
-            tension(:, 1) = max(k(3) + pull, 0.0_wp)
-            tension(:, 2) = max(k(3) - pull, 0.0_wp)
+        associate (k => model%belt(i)%strand)
+            pull = k(at_stiffness)*stretch + k(at_damping)*rate
+            tension(:, 1) = max(k(at_pretension) + pull, 0.0_wp)
+            tension(:, 2) = max(k(at_pretension) - pull, 0.0_wp)
         end associate
     end subroutine measure_strands
 
@@ -36,8 +37,9 @@ contains
         real(wp), dimension(lanes) :: stretch, rate
 
         call measure_stretch(model, i, state, stretch, rate)
-        associate (k => model%belt(i)%number)
-            energy = (max(k(3) + k(1)*stretch, 0.0_wp)**2 + max(k(3) - k(1)*stretch, 0.0_wp)**2)/(2*k(1))
+        associate (k => model%belt(i)%strand)
+            energy = (max(k(at_pretension) + k(at_stiffness)*stretch, 0.0_wp)**2 &
+                      + max(k(at_pretension) - k(at_stiffness)*stretch, 0.0_wp)**2)/(2*k(at_stiffness))
         end associate
     end subroutine strand_energy
 

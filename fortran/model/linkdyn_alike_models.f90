@@ -9,7 +9,7 @@ module linkdyn_alike_models
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axes_at
     use linkdyn_step_part, only: letters_of, bits_of, curve_text
@@ -189,7 +189,7 @@ contains
         type(number_places) :: at
         real(wp), allocatable :: number(:)
         logical, allocatable :: varies(:)
-        integer :: i, side, k
+        integer :: i, side, k, last
 
         call place_numbers(model, at)
         allocate (number(at%n))
@@ -197,8 +197,9 @@ contains
         varies = number /= 0
         do i = 1, size(model%joint)
             do side = 1, 2
-                k = at%marker(side, i) + 3
-                varies(k:k + 17) = varies(k:k + 17) .and. abs(number(k:k + 17)) /= 1
+                k = at%marker(side, i) + to_frame
+                last = at%marker(side, i) + of_marker - 1
+                varies(k:last) = varies(k:last) .and. abs(number(k:last)) /= 1
             end do
         end do
         do i = 1, size(model%step)

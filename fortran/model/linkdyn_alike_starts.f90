@@ -4,7 +4,7 @@
 module linkdyn_alike_starts
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_laws, only: start_of_coordinate
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, marker_spec
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, marker_spec, at_stiffness
     use linkdyn_step_part, only: curve_text
     implicit none (type, external)
     private
@@ -63,7 +63,7 @@ contains
                           .and. all(a%start == b%start) .and. (a%has_start .eqv. b%has_start) .and. a%branch == b%branch &
                           .and. a%lead == b%lead .and. all(a%wheel == b%wheel) .and. a%phase == b%phase &
                           .and. (a%is_turned_over .eqv. b%is_turned_over) .and. (a%has_phase .eqv. b%has_phase) &
-                          .and. (a%strand(1) > 0 .eqv. b%strand(1) > 0) .and. a%lead_angle == b%lead_angle
+                          .and. (a%strand(at_stiffness) > 0 .eqv. b%strand(at_stiffness) > 0) .and. a%lead_angle == b%lead_angle
         if (are_same_joints .and. a%kind == joint_cam) are_same_joints = curve_text(a%cam) == curve_text(b%cam)
     end function are_same_joints
 

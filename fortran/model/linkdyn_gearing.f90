@@ -72,7 +72,7 @@ contains
             n = model%joint(j)%belt
             if (n == 0 .or. .not. status%is_ok()) cycle
             associate (belt => model%belt(n))
-                belt%number = model%scene%joint(j)%strand
+                belt%strand = model%scene%joint(j)%strand
                 call plan_gear(model, j, belt%gear, status, belt)
                 if (.not. status%is_ok()) cycle
                 belt%joint = pack([(k, k=1, model%n_joint)], [(turns_wheel(k), k=1, model%n_joint)])

@@ -152,7 +152,7 @@ module linkdyn_model
     !> A belt that stretches: two strands that pull on both wheels. What would be given, were it rigid, is how far it is stretched.
     type :: belt_type
         type(gear_type) :: gear               !! its wheels, as if it were rigid
-        real(wp) :: number(3) = 0             !! stiffness, damping and pretension of one strand [N/m, N s/m, N]
+        real(wp) :: strand(3) = 0             !! stiffness, damping and pretension of one strand [N/m, N s/m, N]
         real(wp) :: line(3) = 0               !! force on the second link for a unit of both tensions' sum; carrier axes
         real(wp) :: lever(3) = 0              !! with it the moment on the second link about its marker [m]
         integer, allocatable :: joint(:)      !! whose variables, each the first, stretch it

@@ -2,32 +2,42 @@
 module linkdyn_numbers
     use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, only_shifts
+    use linkdyn_model, only: model_type, gear_type, only_shifts
     use linkdyn_scene, only: marker_at
     implicit none (type, external)
     private
     public :: number_places, place_numbers, collect_numbers, numbers_of
 
-    integer, parameter :: of_link = 10         !! mass, cog (3), inertia (6: Ixx Iyy Izz Ixy Iyz Izx)
-    integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
-    integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
-    integer, parameter :: of_drive = 8
-    integer, parameter :: of_gear = 15         !! direction (3), couples (6), push (3), pitch point (3)
+    public :: of_marker, of_drive
+    public :: to_cog, to_inertia, to_frame, to_told_frame, to_couple, to_push, to_pitch_point, to_line, to_lever, to_strand, &
+        to_total, to_weight, to_spring_point
+
+    ! How many numbers a thing has, and how far behind its first ones the others are.
+    !> A link: mass, cog (3), inertia (6: Ixx Iyy Izz Ixy Iyz Izx).
+    integer, parameter :: to_cog = 1, to_inertia = 4, of_link = 10
+    !> A marker of a joint: point (3), frame (9: axes x, y, z), frame by which variables are told (9).
+    integer, parameter :: to_frame = 3, to_told_frame = 12, of_marker = 21
+    !> A gear: direction (3), couples of both sides (6), push (3), pitch point (3).
+    integer, parameter :: to_couple(2) = [3, 6], to_push = 9, to_pitch_point = 12, of_gear = 15
+    !> A belt that stretches: direction and couples as of a gear; line, lever (6), a strand (3), total, weights (one a joint).
+    integer, parameter :: to_line = 9, to_lever = 12, to_strand = 15, to_total = 18, to_weight = 19
+    !> A spring: stiffness, damping, rest, points (6).
+    integer, parameter :: to_spring_point(2) = [3, 6], of_spring = 9
+    integer, parameter :: of_drive = 8         !! as `effort_law` lists them
     integer, parameter :: of_stance = 9        !! axes x, y, z
-    integer, parameter :: of_belt = 19         !! direction, couples as of a rigid one; line, lever (6), stiffness, damping, pretension, total
 
     !> Where the numbers of each thing begin in the list.
     type :: number_places
         integer :: n = 0
         integer :: gravity = 1
-        integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
-        integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
+        integer, allocatable :: link(:)
+        integer, allocatable :: marker(:, :)   !! (2, joint)
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
-        integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6, push +9, pitch point +12
-        integer, allocatable :: belt(:)        !! the same; line, lever from +9, +12, its own from +15, weights from +19
+        integer, allocatable :: gear(:)
+        integer, allocatable :: belt(:)
         integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1, then of other joints
         integer, allocatable :: load(:)        !! point
-        integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
+        integer, allocatable :: spring(:)
         integer, allocatable :: drive(:)
         integer, allocatable :: motor(:)       !! inertia of the rotor at the joint variable
         integer, allocatable :: stance(:)      !! (step) of a link that only shifts; 0: it is none
@@ -57,7 +67,7 @@ contains
         allocate (at%belt(size(model%belt)))
         do i = 1, size(model%belt)
             at%belt(i) = at%n + 1
-            at%n = at%n + of_belt + size(model%belt(i)%joint)
+            at%n = at%n + to_weight + size(model%belt(i)%joint)
         end do
         allocate (at%led(size(model%led)))
         do i = 1, size(model%led)
@@ -91,6 +101,7 @@ contains
         call collect_numbers(model, at, number)
     end function numbers_of
 
+    !> Put each number of a model at its place in the list.
     pure subroutine collect_numbers(model, at, number)
         type(model_type), intent(in) :: model
         type(number_places), intent(in) :: at
@@ -101,30 +112,34 @@ contains
         do i = 1, model%n_link
             associate (l => model%link(i), k => at%link(i))
                 number(k) = l%mass
-                number(k + 1:k + 3) = l%cog
-                number(k + 4:k + 9) = [l%inertia(1, 1), l%inertia(2, 2), l%inertia(3, 3), l%inertia(1, 2), l%inertia(2, 3), &
-                                       l%inertia(3, 1)]
+                number(k + to_cog:k + to_cog + 2) = l%cog
+                number(k + to_inertia:k + to_inertia + 5) = [ &
+                    l%inertia(1, 1), l%inertia(2, 2), l%inertia(3, 3), l%inertia(1, 2), l%inertia(2, 3), l%inertia(3, 1)]
             end associate
         end do
         do i = 1, size(model%joint)
             do side = 1, 2
                 k = at%marker(side, i)
                 number(k:k + 2) = model%joint(i)%point(:, side)
-                number(k + 3:k + 11) = reshape(model%joint(i)%frame(:, :, side), [9])
-                number(k + 12:k + 20) = reshape(model%joint(i)%told_frame(:, :, side), [9])
+                number(k + to_frame:k + to_frame + 8) = reshape(model%joint(i)%frame(:, :, side), [9])
+                number(k + to_told_frame:k + to_told_frame + 8) = reshape(model%joint(i)%told_frame(:, :, side), [9])
             end do
             if (at%pitch(i) > 0) number(at%pitch(i)) = model%joint(i)%pitch
         end do
         do i = 1, size(model%gear)
-            number(at%gear(i):at%gear(i) + 2) = model%gear(i)%direction
-            number(at%gear(i) + 3:at%gear(i) + 8) = reshape(model%gear(i)%couple, [6])
-            number(at%gear(i) + 9:at%gear(i) + 14) = [model%gear(i)%push, model%gear(i)%pitch]
+            k = at%gear(i)
+            call collect_wheels(model%gear(i), k, number)
+            number(k + to_push:k + to_push + 2) = model%gear(i)%push
+            number(k + to_pitch_point:k + to_pitch_point + 2) = model%gear(i)%pitch
         end do
         do i = 1, size(model%belt)
             associate (belt => model%belt(i), k => at%belt(i))
-                number(k:k + 8) = [belt%gear%direction, belt%gear%couple]
-                number(k + 9:k + 18) = [belt%line, belt%lever, belt%number, belt%gear%total]
-                number(k + of_belt:k + of_belt + size(belt%joint) - 1) = belt%weight
+                call collect_wheels(belt%gear, k, number)
+                number(k + to_line:k + to_line + 2) = belt%line
+                number(k + to_lever:k + to_lever + 2) = belt%lever
+                number(k + to_strand:k + to_strand + 2) = belt%strand
+                number(k + to_total) = belt%gear%total
+                number(k + to_weight:k + to_weight + size(belt%joint) - 1) = belt%weight
             end associate
         end do
         do i = 1, size(model%led)
@@ -140,10 +155,11 @@ contains
             associate (spring => model%scene%spring(i))
                 k = at%spring(i)
                 number(k:k + 2) = [spring%stiffness, spring%damping, spring%rest]
-                number(k + 3:k + 8) = 0
+                number(k + to_spring_point(1):k + of_spring - 1) = 0
                 if (spring%joint > 0 .or. spring%measure > 0) cycle
                 do side = 1, 2
-                    number(k + 3*side:k + 3*side + 2) = marker_at(model%scene, spring%link(side), spring%marker(side))
+                    number(k + to_spring_point(side):k + to_spring_point(side) + 2) = &
+                        marker_at(model%scene, spring%link(side), spring%marker(side))
                 end do
             end associate
         end do
@@ -155,4 +171,17 @@ contains
             if (at%stance(i) > 0) number(at%stance(i):at%stance(i) + of_stance - 1) = reshape(model%step(i)%stance, [of_stance])
         end do
     end subroutine collect_numbers
+
+    !> What gears and belts have in common.
+    pure subroutine collect_wheels(gear, k, number)
+        type(gear_type), intent(in) :: gear
+        integer, intent(in) :: k                !! where the numbers of the pair begin
+        real(wp), intent(inout) :: number(:)
+        integer :: side
+
+        number(k:k + 2) = gear%direction
+        do side = 1, 2
+            number(k + to_couple(side):k + to_couple(side) + 2) = gear%couple(:, side)
+        end do
+    end subroutine collect_wheels
 end module linkdyn_numbers

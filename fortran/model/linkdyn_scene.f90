@@ -37,8 +37,8 @@ module linkdyn_scene
     public :: pose_position, pose_attitude, is_pose_part
     public :: effort_inverse, effort_constant, effort_table, effort_spring_damper, effort_dc_motor, effort_pd, effort_over, &
         effort_controlled
-    public :: at_force, at_stiffness, at_damping, at_rest, at_ratio, at_efficiency, at_torque_constant, at_voltage_constant, &
-        at_gain, at_resistance
+    public :: at_force, at_stiffness, at_damping, at_rest, at_pretension, at_ratio, at_efficiency, at_torque_constant, &
+        at_voltage_constant, at_gain, at_resistance
     public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
     public :: windup_none, windup_clamp, windup_back
     public :: side_joint, side_torque, side_voltage, side_opening, is_at_motor, has_limits
@@ -107,9 +107,10 @@ module linkdyn_scene
     integer, parameter :: effort_over = 7           !! a law over the state of the mechanism
     integer, parameter :: effort_controlled = 9     !! the output of a controller (8 is a word of scene files alone)
 
-    ! ---- numbers of these laws, places in `effort_law%value`
+    ! ---- numbers of these laws, places in `effort_law%value`; of springs and strands as kernels take them
     integer, parameter :: at_force = 1             !! constant [N, N m]
-    integer, parameter :: at_stiffness = 1, at_damping = 2, at_rest = 3   !! spring-damper and pd, which has no rest
+    integer, parameter :: at_stiffness = 1, at_damping = 2, at_rest = 3   !! springs, spring-damper and pd, which has no rest
+    integer, parameter :: at_pretension = 3        !! of a strand, behind stiffness and damping
     !> dc-motor: ratio n and efficiency eta of the gear, K_T [N m/A], K_E [V s], K_P [V/rad, V/m], resistance R_a [ohm]
     integer, parameter :: at_ratio = 1, at_efficiency = 2, at_torque_constant = 3, at_voltage_constant = 4, at_gain = 5, &
         at_resistance = 6

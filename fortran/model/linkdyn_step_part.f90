@@ -9,7 +9,7 @@ module linkdyn_step_part
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_joint, step_parts, step_ups, is_dyad, &
         gives_attitude, leads_within, orientation_of, turns_in_two
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
     use linkdyn_text, only: listed
     implicit none (type, external)
@@ -283,7 +283,7 @@ contains
     subroutine end_part(part)
         type(step_part), intent(inout) :: part
         type(number_places) :: at
-        integer :: i, side, k
+        integer :: i, side, k, last
 
         call place_numbers(part%model, at)
         allocate (part%number(at%n), part%varies(at%n))
@@ -295,8 +295,10 @@ contains
                 part%key = part%key//" joint"//listed([joint%kind, joint%told_kind, joint%link])
                 do side = 1, 2
                     k = at%marker(side, i)
-                    part%varies(k:k + 20) = part%number(k:k + 20) /= 0
-                    part%varies(k + 3:k + 20) = part%varies(k + 3:k + 20) .and. abs(part%number(k + 3:k + 20)) /= 1
+                    last = k + of_marker - 1
+                    part%varies(k:last) = part%number(k:last) /= 0
+                    k = k + to_frame
+                    part%varies(k:last) = part%varies(k:last) .and. abs(part%number(k:last)) /= 1
                 end do
                 if (at%pitch(i) > 0) part%varies(at%pitch(i)) = .true.
                 ! a curve is part of the kernel

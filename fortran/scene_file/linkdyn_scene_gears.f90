@@ -3,7 +3,8 @@ module linkdyn_scene_gears
     use linkdyn_constants, only: pi
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: joint_spec, joint_gear, joint_rack, joint_belt, joint_kind_name
+    use linkdyn_scene, only: joint_spec, joint_gear, joint_rack, joint_belt, joint_kind_name, at_stiffness, at_damping, &
+        at_pretension
     use linkdyn_scene_keys, only: scene_place, place_at, require_table, allow_keys, refuse_missing, refuse_value, get_vector, &
         get_quantity, get_word
     use linkdyn_status, only: status_type
@@ -149,17 +150,17 @@ contains
         inner = place_at(place, node, trim(place%what)//", strands")
         call require_table(inner, "a table, "//expected, status)
         call allow_keys(inner, strand_key, status)
-        call get_quantity(inner, "stiffness", stiffness, joint%strand(1), status, found(1))
-        call get_quantity(inner, "damping", damping, joint%strand(2), status, found(2))
-        call get_quantity(inner, "pretension", force, joint%strand(3), status, found(3))
+        call get_quantity(inner, "stiffness", stiffness, joint%strand(at_stiffness), status, found(1))
+        call get_quantity(inner, "damping", damping, joint%strand(at_damping), status, found(2))
+        call get_quantity(inner, "pretension", force, joint%strand(at_pretension), status, found(3))
         if (.not. status%is_ok()) return
         if (.not. found(1)) then
             call refuse_missing(inner, "stiffness", "of one strand, its force over what it is longer, for example '2e5 N/m'", &
                                 status)
         else if (.not. found(3)) then
             call refuse_missing(inner, "pretension", "the force in each strand at rest, for example '400 N'", status)
-        else if (.not. joint%strand(1) > 0) then
-            call refuse_value(inner, "stiffness", inner%node%get("stiffness"), "= "//to_text(joint%strand(1))// &
+        else if (.not. joint%strand(at_stiffness) > 0) then
+            call refuse_value(inner, "stiffness", inner%node%get("stiffness"), "= "//to_text(joint%strand(at_stiffness))// &
                 " N/m (expected more than zero; a belt that does not stretch has no strands)", status)
         end if
         do k = 2, 3
