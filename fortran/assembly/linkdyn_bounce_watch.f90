@@ -7,9 +7,8 @@
 !> (`linkdyn_coordinate_watch`) never come that far, if steps are short enough to see them grow worse. So this is for those of
 !> poses and of joints with several axes, and for all where the tolerances make no short steps.
 module linkdyn_bounce_watch
-    use linkdyn_coordinate_watch, only: has_one_axis
     use linkdyn_joint_rates, only: joint_rate
-    use linkdyn_joint_table, only: is_pose_part
+    use linkdyn_joint_table, only: has_one_axis, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -74,7 +73,7 @@ contains
             integer :: j
 
             has_joints_of_several_axes = .not. (model%is_planar &
-                                                .or. all([(has_one_axis(model%joint(j)%kind), j=1, model%n_joint)]))
+                                                .or. all(has_one_axis(model%joint(:model%n_joint)%kind)))
         end function has_joints_of_several_axes
 
         pure logical function on_leg(link)

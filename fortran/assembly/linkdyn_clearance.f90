@@ -1,5 +1,6 @@
 !> Room between straight bodies, and how far joints swing: what bounds the workspace besides the strokes.
 module linkdyn_clearance
+    use linkdyn_joint_table, only: turns_about_point
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -58,7 +59,7 @@ contains
         type(vec3) :: direction
         integer :: j, side, i, n, half
 
-        n = count(model%joint%kind == joint_universal .or. model%joint%kind == joint_spherical)
+        n = count(turns_about_point(model%joint%kind))
         allocate (swing(n))
         if (n == 0) return
         call prepare_kinematics(model, 0, state)
@@ -69,7 +70,7 @@ contains
         n = 0
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
-                if (joint%kind /= joint_universal .and. joint%kind /= joint_spherical) cycle
+                if (.not. turns_about_point(joint%kind)) cycle
                 n = n + 1
                 side = 2
                 do i = 1, size(model%step)

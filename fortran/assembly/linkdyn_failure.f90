@@ -10,7 +10,8 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
     use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
-    use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_rrr, is_dyad, is_length, side_of, by_nothing
+    use linkdyn_model, only: model_type, step_type, joint_type, step_group, step_rrr, is_dyad, is_length, side_of, point_on, &
+        by_nothing
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
@@ -281,7 +282,7 @@ contains
             associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)), link => step%link(k))
                 length = -1
                 if (any(inner%link == link)) then
-                    length = norm2(inner%point(:, side_of(inner, link)) - outer%point(:, side_of(outer, link)))
+                    length = norm2(point_on(inner, link) - point_on(outer, link))
                     return
                 end if
                 i = findloc([(any(model%joint(step%joint(3 + i))%link == link), i=1, step%n_link - 2)], .true., dim=1)
@@ -290,8 +291,8 @@ contains
                 associate (slide => model%joint(step%joint(3 + i)))
                     side = side_of(slide, link)
                     ! along and across the slide, as its frames see it
-                    arm = in_slide(slide, side, slide%point(:, side) - outer%point(:, side_of(outer, link))) &
-                          + in_slide(slide, 3 - side, inner%point(:, side_of(inner, tip)) - slide%point(:, 3 - side))
+                    arm = in_slide(slide, side, slide%point(:, side) - point_on(outer, link)) &
+                          + in_slide(slide, 3 - side, point_on(inner, tip) - slide%point(:, 3 - side))
                     arm(1) = arm(1) + lost%to(step%coordinate(i))*merge(1, -1, side == 1)
                 end associate
                 length = norm2(arm)

@@ -12,7 +12,7 @@ module linkdyn_group_start
     use linkdyn_cross, only: cross
     use linkdyn_given, only: given_position
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
-    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, joint_prismatic
+    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, turns_about_point, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
@@ -24,7 +24,7 @@ module linkdyn_group_start
     use linkdyn_newton_attempts, only: close_attempts, look_at_place
     use linkdyn_pointed_links, only: point_links
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion, turned_vector
-    use linkdyn_scene, only: joint_n_variable, joint_universal, joint_spherical, coordinate_joint, pose_position, frame_link
+    use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
     use linkdyn_vec2, only: vec2, rot2, rot2_by_angle, rot2_of_directions, operator(+), operator(-), operator(*), operator(.rotate.)
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
@@ -284,7 +284,7 @@ contains
                     apart = a(:3, l) + turned_vector(a(4:, l), joint%point(:, side)) &
                             - b(:3, l) - turned_vector(b(4:, l), joint%point(:, side))
                     is_alike = is_alike .and. all(abs(apart) <= fit*scene_size(model))
-                    if (any(joint%told_kind == [joint_universal, joint_spherical])) cycle
+                    if (turns_about_point(joint%told_kind)) cycle
                     apart = cross(turned_vector(a(4:, l), joint%frame(:, 3, side)), &
                                   turned_vector(b(4:, l), joint%frame(:, 3, side)))
                     is_alike = is_alike .and. all(abs(apart) <= fit)

@@ -21,7 +21,7 @@ module linkdyn_newton_group
     use linkdyn_link_place, only: turned_axis
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, reach_of, side_of, &
-        step_rus, is_dyad, is_rod_leg
+        point_on, step_rus, is_dyad, is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -183,7 +183,7 @@ contains
             integer, intent(in) :: k
 
             associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)), l => step%link(k))
-                arm_length = norm2(inner%point(:, side_of(inner, l)) - outer%point(:, side_of(outer, l)))
+                arm_length = norm2(point_on(inner, l) - point_on(outer, l))
             end associate
         end function arm_length
     end function least_closed_margins

@@ -5,13 +5,13 @@
 !> near to where they belong, and Newton's method keeps it there.
 module linkdyn_pointed_links
     use linkdyn_cross, only: cross
-    use linkdyn_joint_table, only: is_slide
+    use linkdyn_joint_table, only: is_slide, turns_about_point
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, orientation_of, side_of
+    use linkdyn_model, only: model_type, group_type, orientation_of, point_on
     use linkdyn_quaternion, only: turned_by, turned_vector
-    use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable
+    use linkdyn_scene, only: joint_n_variable
     use linkdyn_vec3, only: lane_of, mat3_lane
     implicit none (type, external)
     private
@@ -95,7 +95,7 @@ contains
             pivot = 0
             do k = model%first_at(link), model%first_at(link + 1) - 1
                 associate (joint => model%joint(model%joint_at(k)))
-                    if (model%joint_at(k) == but .or. all(joint%told_kind /= [joint_universal, joint_spherical])) cycle
+                    if (model%joint_at(k) == but .or. .not. turns_about_point(joint%told_kind)) cycle
                     if (is_known(sum(joint%link) - link)) pivot = model%joint_at(k)
                 end associate
             end do
@@ -147,7 +147,7 @@ contains
             integer, intent(in) :: j, l
             real(wp) :: at(3)
 
-            associate (point => model%joint(j)%point(:, side_of(model%joint(j), l)))
+            associate (point => point_on(model%joint(j), l))
                 if (any(group%link == l)) then
                     at = state%group%place(lane, :3, l) + turned_vector(state%group%place(lane, 4:7, l), point)
                 else

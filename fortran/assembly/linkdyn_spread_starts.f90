@@ -4,7 +4,7 @@
 !> can give a start, is where the pin that joins it to another link is, if both its neighbours' starts are known.
 module linkdyn_spread_starts
     use linkdyn_angles, only: matrix_of_angles, angles_of_matrix
-    use linkdyn_joint_table, only: joint_fixed, joint_prismatic, joint_revolute, joint_universal, joint_spherical
+    use linkdyn_joint_table, only: joint_fixed, joint_prismatic, joint_revolute, turns_about_point
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     implicit none (type, external)
@@ -63,7 +63,7 @@ contains
         pin_of = 0
         do pin = 1, model%n_joint
             associate (joint => model%joint(pin), block => model%joint(j)%link(3 - from))
-                if (all(joint%kind /= [joint_revolute, joint_universal, joint_spherical])) cycle
+                if (.not. (joint%kind == joint_revolute .or. turns_about_point(joint%kind))) cycle
                 if (any(joint%link == block) .and. (is_placed(joint%link(1)) .or. is_placed(joint%link(2)))) pin_of = pin
             end associate
             if (pin_of > 0) return

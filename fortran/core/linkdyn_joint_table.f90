@@ -11,7 +11,7 @@ module linkdyn_joint_table
         joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
     public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions
-    public :: is_threaded, is_geared
+    public :: is_threaded, is_geared, has_one_axis, turns_about_point
     public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, goes_round, is_pose_part
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
@@ -109,6 +109,13 @@ module linkdyn_joint_table
     !> three angles these are the axes in which turning is told, not those that the angles go about.
     integer, parameter :: variable_axis(most_variables, n_kind) = &
         merge(1, merge(2, 3, variable_name == "y" .or. variable_name == "pitch"), variable_name == "x" .or. variable_name == "roll")
+    !> Its variables turn or slide along one axis, square to which all is held.
+    logical, parameter :: has_one_axis(n_kind) = kinds%n_variable > 0 &
+        .and. (kinds%force == along_axes .or. kinds%force == along_x_and_y) &
+        .and. (kinds%moment == along_axes .or. kinds%moment == along_x_and_y)
+    !> Holds a point and lets it turn about more than one axis.
+    logical, parameter :: turns_about_point(n_kind) = kinds%force == along_axes &
+        .and. (kinds%moment == along_normal .or. kinds%moment == along_nothing)
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw" .or. joint_kind_name == "thread"
     !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,

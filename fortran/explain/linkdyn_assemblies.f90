@@ -5,12 +5,13 @@
 module linkdyn_assemblies
     use linkdyn_group_start, only: find_every_start, is_alike
     use linkdyn_joint_rates, only: measure_joints
+    use linkdyn_joint_table, only: turns_about_point
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, step_type, step_group, step_hung, is_dyad
-    use linkdyn_scene, only: joint_prismatic, joint_universal, joint_spherical, joint_n_variable, is_pose_part
+    use linkdyn_scene, only: joint_prismatic, joint_spherical, joint_n_variable, is_pose_part
     implicit none (type, external)
     private
     public :: assembly_list, find_assemblies
@@ -119,7 +120,7 @@ contains
                 do i = 1, size(group%joint)
                     associate (joint => model%joint(group%joint(i)))
                         if (is_pose_part(joint%kind)) cycle
-                        associate (is_simple => all(joint%told_kind /= [joint_universal, joint_spherical]))
+                        associate (is_simple => .not. turns_about_point(joint%told_kind))
                             if (.not. (is_simple .or. model%scene%joint(group%joint(i))%has_start)) cycle
                             do v = 1, joint_n_variable(joint%told_kind)
                                 if (group%coordinate(v, i) > 0) cycle

@@ -8,17 +8,16 @@
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
-    use linkdyn_joint_table, only: is_slide, is_pose_part
+    use linkdyn_joint_table, only: is_slide, is_pose_part, has_one_axis
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_csp, side_of, scene_size, has_assemblies, is_released
-    use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_screw, frame_link
+    use linkdyn_model, only: model_type, step_csp, side_of, point_on, scene_size, has_assemblies, is_released
+    use linkdyn_scene, only: coordinate_joint, joint_n_variable, frame_link
     implicit none (type, external)
     private
-    public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, take_rates, note_rates, forget_rates, grows
+    public :: coordinate_watch, prepare_watch, compare_rates, take_rates, note_rates, forget_rates, grows
     public :: coordinate_ratios
     public :: is_near_dead_point, is_well_past, dead_coordinate, largest_growth
 
@@ -107,13 +106,6 @@ contains
         end function spins
     end subroutine prepare_watch
 
-    !> Joints whose variables all turn or slide along one common axis.
-    pure logical function has_one_axis(kind)
-        integer, intent(in) :: kind
-
-        has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])
-    end function has_one_axis
-
     !> Find for each hinge how far from its axis the pins that it moves are, on the smaller of its moving links; if it moves none,
     !> the centres of mass.
     subroutine find_arms(model, watch)
@@ -162,7 +154,7 @@ contains
                 if (of_mass) exit
                 associate (other => model%joint(model%joint_at(i)))
                     ! a cam moves its follower by its outline
-                    reach = max(reach, off_axis(other%point(:, side_of(other, link))) &
+                    reach = max(reach, off_axis(point_on(other, link)) &
                                        + merge(other%reach, 0.0_wp, other%cam > 0 .and. side_of(other, link) == 1))
                 end associate
             end do

@@ -1,7 +1,7 @@
 !> Joint variables and their rates, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, marker_axis
-    use linkdyn_joint_table, only: is_slide, wraps, slide_axis, joint_planar, joint_universal, joint_spherical
+    use linkdyn_joint_table, only: is_slide, wraps, slide_axis, joint_planar, turns_about_point
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -159,7 +159,7 @@ contains
         else
             call view_joint(model, state, j, state%acceleration(level, :), state%alpha(level, :), view)
         end if
-        if (level == level_given .and. any(model%joint(j)%told_kind == [joint_planar, joint_universal, joint_spherical])) then
+        if (level == level_given .and. has_several_axes()) then
             ! as the first link sees it, which turns
             call view_joint(model, state, j, state%velocity, state%omega, moving)
             associate (omega => state%omega(orientation_of(model, model%joint(j)%link(1))))
@@ -180,6 +180,11 @@ contains
         rate = view%slide_rate.dot.axis
 
     contains
+
+        pure logical function has_several_axes()
+
+            has_several_axes = model%joint(j)%told_kind == joint_planar .or. turns_about_point(model%joint(j)%told_kind)
+        end function has_several_axes
 
         function centripetal(side)
             integer, intent(in) :: side

@@ -25,7 +25,7 @@ module linkdyn_model
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     public :: turns_in_two, direction_of_leg
     public :: n_hung_rod, base_of_hung, only_shifts
-    public :: dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
+    public :: dyad_names, orientation_of, side_of, point_on, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, reach_of, counts_turns, most_turned
     public :: leads_within, drives_share, counts_for_another, pull_power, effort_power
 
@@ -798,4 +798,13 @@ contains
 
         side_of = merge(1, 2, joint%link(1) == link)
     end function side_of
+
+    !> The marker of a joint on one of its two links, link axes [m].
+    pure function point_on(joint, link) result(point)
+        type(joint_type), intent(in) :: joint
+        integer, intent(in) :: link
+        real(wp) :: point(3)
+
+        point = joint%point(:, side_of(joint, link))
+    end function point_on
 end module linkdyn_model

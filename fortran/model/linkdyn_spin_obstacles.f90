@@ -1,5 +1,6 @@
 !> What feels the spin of a rod between balls, so that it is not idle: each kind of obstacle in a sentence.
 submodule (linkdyn_idle_spin) linkdyn_spin_obstacles
+    use linkdyn_model, only: point_on
     use linkdyn_scene, only: axes_link, law_none, law_constant, law_spec, measure_marker, measure_distance
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -207,7 +208,7 @@ contains
         size_of = maxval(abs(model%link(l)%cog))
         do k = model%first_at(l), model%first_at(l + 1) - 1
             associate (joint => model%joint(model%joint_at(k)))
-                size_of = max(size_of, maxval(abs(joint%point(:, side_of(joint, l)))))
+                size_of = max(size_of, maxval(abs(point_on(joint, l))))
             end associate
         end do
     end function size_of

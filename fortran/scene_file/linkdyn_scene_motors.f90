@@ -1,10 +1,10 @@
 !> The key `drive` of an actuator: a motor and its gear or screw.
 module linkdyn_scene_motors
     use linkdyn_constants, only: two_pi
-    use linkdyn_joint_table, only: joint_screw
+    use linkdyn_joint_table, only: has_one_axis
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_kind_name, effort_dc_motor, side_joint, side_voltage, at_ratio, at_efficiency
+    use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_kind_name, effort_dc_motor, side_joint, side_voltage, &
+        at_ratio, at_efficiency
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
@@ -170,7 +170,7 @@ contains
         call refuse_negative("screw_inertia", of_screw)
         total = total + of_screw
         if (.not. status%is_ok() .or. .not. total > 0) return
-        if (any(joint_kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])) return
+        if (has_one_axis(joint_kind)) return
         node = place%node%get("rotor_inertia")
         call refuse_value(place, "rotor_inertia", node, "is not known at a "//trim(joint_kind_name(joint_kind))// &
             " joint (expected one with a single axis: revolute, prismatic, cylindrical, screw)", status)

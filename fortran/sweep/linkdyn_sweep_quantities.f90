@@ -1,12 +1,13 @@
 !> The scalars of one sample that a sweep reduces, in one row: which quantities, how many entries each, of what unit.
 module linkdyn_sweep_quantities
+    use linkdyn_joint_table, only: turns_about_point
     use linkdyn_result_kinds, only: result_words, result_words_len, result_driving_force, result_driving_position, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, &
         result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, result_torque_margin, &
         result_contact_force, result_pressure_angle
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_actuator, dim_joint, &
         dim_component, dim_variable, dim_motor, dim_cam
-    use linkdyn_scene, only: scene_type, joint_universal, joint_spherical
+    use linkdyn_scene, only: scene_type
     use linkdyn_sweep_spec, only: sweep_spec, n_quantity, quantity_name, needs_forces, quantity_driving_force, &
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, &
         quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
@@ -162,7 +163,7 @@ contains
         type(scene_type), intent(in) :: scene
         logical :: can(size(scene%joint))
 
-        can = scene%joint%kind == joint_universal .or. scene%joint%kind == joint_spherical
+        can = turns_about_point(scene%joint%kind)
     end function can_swing
 
     !> The row of a sweep: what needs no forces first, so that a pose out of bounds is known early.
