@@ -9,7 +9,7 @@ module linkdyn_cli
     use linkdyn_options, only: command_none, command_forward, command_sweep, command_study, command_generate, command_version, &
         command, command_in_python, option, option_number, is_option_of
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
-    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input, status_internal
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: one_of, quoted
     use linkdyn_threads, only: team_size
@@ -303,6 +303,8 @@ contains
                 config%matrix = .true.
             case ("--quiet")
                 config%quiet = .true.
+            case default
+                call miss(name)
             end select
         end subroutine take_flag
 
@@ -369,8 +371,17 @@ contains
                 config%n_sample = whole_number(value)
                 if (config%n_sample < 2) call refuse("--samples: "//quoted(value)// &
                     " (expected a whole number from 2, both ends, to 999999999)")
+            case default
+                call miss(name)
             end select
         end subroutine take_value
+
+        !> The table of options has it, and nothing is done about it.
+        subroutine miss(name)
+            character(len=*), intent(in) :: name
+
+            call fail(status, status_internal, "linkdyn: "//name//": not taken in, a defect of linkdyn")
+        end subroutine miss
 
         subroutine take_number(name, text, number)
             character(len=*), intent(in) :: name, text
