@@ -16,7 +16,8 @@ module linkdyn_drive_forward
         note_events, close_results, exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: n_event
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary
+    use linkdyn_summary_text, only: print_summary, failure_text
     use linkdyn_terminal, only: show_stage, show_share, say
     use linkdyn_text, only: to_text, quoted
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &

@@ -27,8 +27,8 @@ module linkdyn_drive_inverse
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, &
-        reason_of_loss, passed_stops
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries
+    use linkdyn_summary_text, only: print_summary, failure_text, reason_of_loss, passed_stops
     use linkdyn_terminal, only: show_stage, show_progress, say
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count

@@ -1,30 +1,21 @@
-!> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
-!> how many samples failed, how long it took.
+!> What the engineer wants to know first, gathered from the results block by block: peaks and rms of the driving forces, the largest
+!> reaction, how many samples failed, what was asked of drives that they do not have.
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_cylinder_laws, only: cylinder_force
-    use linkdyn_inverse, only: solver_name, solver_reduced
-    use linkdyn_choice, only: choices_in_words, sharing_in_words
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, drives_share
-    use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        dimension_type, dim_motor, dim_variable, dim_cam, dim_controller, variable_index, samples_width, label_of_value, &
-        estimated, estimate_of
-    use linkdyn_result_kinds, only: result_time, result_driving_force, result_motor_torque, result_reaction, &
-        result_status, result_assembly, result_torque_margin, result_joint_variable, result_contact_force, &
-        result_controller_limited
-    use linkdyn_code, only: code_in_use
+    use linkdyn_result_kinds, only: result_time, result_driving_force, result_motor_torque, result_reaction, result_status, &
+        result_assembly, result_torque_margin, result_joint_variable, result_contact_force, result_controller_limited
+    use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_motor, &
+        dim_variable, dim_cam, dim_controller, variable_index, samples_width, estimated, estimate_of
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, cylinder_spec, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm, &
-        measure_joint
-    use linkdyn_shared_words, only: shares_in_words
-    use linkdyn_status, only: sample_ok, sample_singular, sample_status_name, message_len
-    use linkdyn_text, only: to_text, quoted
-    use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means, mean_of
+    use linkdyn_scene, only: scene_type, cylinder_spec, has_hard_stops, n_stop, variable_name, measure_joint
+    use linkdyn_status, only: sample_ok, sample_singular, message_len
+    use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
-        passed_stops, significant, left, right
+    public :: summary_type, start_summary, add_to_summary, join_summaries
+    public :: peak_type, event_type, error_peak_type, range_type, excess_type
 
     real(wp), parameter :: touch = 1.0e-9_wp             !! [m, rad] a motion that ends at a stop is not beyond it
     real(wp), parameter :: rounded_share = 1.0e-9_wp     !! what is at its limit but for rounding is not beyond it
@@ -316,69 +307,6 @@ contains
         if (whole%lack%time == part%lack%time) whole%asked = part%asked
     end subroutine join_excess
 
-    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m required, 4 N m available"; blank: none is overloaded.
-    function overloads(layout, summary) result(text)
-        type(layout_type), intent(in) :: layout
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-        integer :: k
-
-        text = ""
-        do k = 1, size(summary%overload)
-            associate (overload => summary%overload(k))
-                call tell_excess("motor of "//quoted(layout%dimension(dim_motor)%label(k)), overload, &
-                                 significant(overload%asked)//" N m", &
-                                 significant(overload%asked - overload%lack%value)//" N m", text)
-            end associate
-        end do
-    end function overloads
-
-    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 145.2 bar required, 120 bar available"
-    function pressures_above(scene, summary) result(text)
-        type(scene_type), intent(in) :: scene
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-        real(wp), parameter :: bar = 1.0e5_wp        !! [Pa]
-        integer :: k
-
-        text = ""
-        do k = 1, size(summary%pressure)
-            call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%pressure(k), &
-                             significant(summary%pressure(k)%asked/bar)//" bar", &
-                             significant(scene%actuator(k)%cylinder%supply/bar)//" bar", text)
-        end do
-    end function pressures_above
-
-    !> "cylinder at 'ram.P' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 1.15 m required, 0.6 m to 1.1 m available"
-    function strokes_left(scene, summary) result(text)
-        type(scene_type), intent(in) :: scene
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-        integer :: k
-
-        text = ""
-        do k = 1, size(summary%stroke)
-            associate (ends => scene%actuator(k)%cylinder%stroke)
-                call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%stroke(k), &
-                                 significant(summary%stroke(k)%asked)//" m", &
-                                 significant(minval(ends))//" m to "//significant(maxval(ends))//" m", text)
-            end associate
-        end do
-    end function strokes_left
-
-    !> One drive more in a list; nothing of one that has what is asked of it.
-    subroutine tell_excess(what, excess, asked, there, text)
-        character(len=*), intent(in) :: what         !! it is of
-        type(excess_type), intent(in) :: excess
-        character(len=*), intent(in) :: asked, there !! with their units
-        character(len=:), allocatable, intent(inout) :: text
-
-        if (excess%event%n == 0) return
-        if (text /= "") text = text//"; "
-        text = text//what//" in "//times_text(excess%event)//", most at t = "//significant(excess%lack%time)//" s: " &
-               //asked//" required, "//there//" available"
-    end subroutine tell_excess
-
     !> Controllers whose outputs are at a limit.
     pure subroutine note_limits(is_limited, t, limited)
         logical, intent(in) :: is_limited(:)
@@ -390,21 +318,6 @@ contains
             if (is_limited(k)) call count_event(t, limited(k))
         end do
     end subroutine note_limits
-
-    !> "controller 'S' in 12 samples, first at t = 0.3 s"; blank: none was at a limit.
-    function limits_reached(layout, summary) result(text)
-        type(layout_type), intent(in) :: layout
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-        integer :: k
-
-        text = ""
-        do k = 1, size(summary%limited)
-            if (summary%limited(k)%n == 0) cycle
-            if (text /= "") text = text//"; "
-            text = text//"controller "//quoted(layout%dimension(dim_controller)%label(k))//" in "//times_text(summary%limited(k))
-        end do
-    end function limits_reached
 
     !> Samples beyond stops that throw back, as far as joint variables are among the results.
     subroutine look_at_stops(layout, scene, block, n, beyond)
@@ -434,22 +347,6 @@ contains
             end associate
         end do
     end subroutine look_at_stops
-
-    !> "'floor.min' of joint 'h' by 12 samples, first at t = 0.3 s"; blank: none is passed.
-    function passed_stops(scene, summary) result(text)
-        type(scene_type), intent(in) :: scene
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-        integer :: k
-
-        text = ""
-        if (.not. allocated(summary%beyond)) return
-        do k = 1, size(summary%beyond)
-            if (summary%beyond(k)%n == 0) cycle
-            if (text /= "") text = text//"; "
-            text = text//quoted(scene%stop(k)%name)//" of "//trim(scene%stop(k)%what)//" by "//times_text(summary%beyond(k))
-        end do
-    end function passed_stops
 
     pure subroutine count_event(time, event)
         real(wp), intent(in) :: time
@@ -559,279 +456,4 @@ contains
         end if
         peak = peak_type(value, value, time, place, .true.)
     end subroutine raise_peak
-
-    !> The table.
-    subroutine print_summary(model, layout, summary, solver, threads, seconds, output, unit)
-        type(model_type), intent(in) :: model
-        type(layout_type), intent(in) :: layout
-        type(summary_type), intent(in) :: summary
-        character(len=*), intent(in) :: solver
-        integer, intent(in) :: threads
-        real(wp), intent(in) :: seconds          !! spent computing
-        character(len=*), intent(in) :: output       !! file written
-        integer, intent(in) :: unit
-        integer :: n_solved
-
-        if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
-        write (unit, "(a)") "  "//to_text(summary%n_sample)//trim(merge(" sample ", " samples", summary%n_sample == 1))//", "// &
-            gravity_text(model%scene)//", solver "//solver// &
-            ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
-        n_solved = max(1, summary%n_sample - summary%failure%n)
-        if (summary%has_force) &
-            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, unit)
-        if (size(summary%motor%lowest) > 0) then
-            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, unit)
-        end if
-        if (summary%has_reaction) then
-            write (unit, "(a)") ""
-            call print_reaction("largest reaction force ", "N  ", summary%force, 0.0_wp)
-            ! what is less is rounding of the forces, an arm's length away
-            call print_reaction("largest reaction moment", "N m", summary%moment, epsilon(1.0_wp)**2*summary%force%value)
-        else if (solver == trim(solver_name(solver_reduced))) then
-            write (unit, "(a)") ""
-            write (unit, "(a)") "  no reactions: the solver does without them"
-        end if
-        if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
-        write (unit, "(a)") ""
-        if (idle_spins(model%scene) /= "") write (unit, "(a)") &
-            "  idle spins       "//idle_spins(model%scene)//": held, nothing else depends on them"
-        if (drives_share(model)) write (unit, "(a)") "  drives           "//sharing_in_words(model)
-        if (model%share%n > 0) call print_shares()
-        if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
-        write (unit, "(a)") "  failed samples   "//failure_text(summary)
-        if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
-            //passed_stops(model%scene, summary)
-        if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
-        if (pressures_above(model%scene, summary) /= "") write (unit, "(a)") "  above supply     " &
-            //pressures_above(model%scene, summary)
-        if (strokes_left(model%scene, summary) /= "") write (unit, "(a)") "  beyond stroke    " &
-            //strokes_left(model%scene, summary)
-        if (limits_reached(layout, summary) /= "") write (unit, "(a)") "  at their limits  "//limits_reached(layout, summary)
-        call print_lifts()
-        if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)
-        if (summary%anew%n > 0) write (unit, "(a)") "  reassembled      from the start of the scene, at " &
-            //times_text(summary%anew)
-        if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
-            " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
-        if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
-            to_text(summary%roads%dense)//" samples with unreliable pivots"
-        if (index(code_in_use(), " ") > 0) write (unit, "(a)") "  machine code     "//code_in_use()
-        write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
-            " us per sample, "//significant(seconds)//" s in all"
-        write (unit, "(a)") "  results          "//output
-    contains
-        !> Which reactions are a choice among many.
-        subroutine print_shares()
-            write (unit, "(a)") "  not determined   "//shares_in_words(model)//": taken is "// &
-                trim(merge("the least sum of squares ", "the least elastic energy ", &
-                           model%scene%redundancy == share_by_least_norm))
-        end subroutine print_shares
-
-        !> Followers that nothing but their joint holds on their cams.
-        subroutine print_lifts()
-            integer :: j, k
-
-            do j = 1, model%n_joint
-                k = model%joint(j)%cam
-                if (k == 0 .or. model%scene%joint(j)%cam%is_groove) cycle
-                if (summary%lift(k)%n > 0) write (unit, "(a)") "  lifts            "//quoted(model%joint(j)%name)// &
-                    ": the follower would leave its cam in "//significant(100*real(summary%lift(k)%n, wp)/n_solved)// &
-                    " % of the samples ("//times_text(summary%lift(k))//")"
-            end do
-        end subroutine print_lifts
-
-        subroutine print_reaction(what, unit_name, peak, least)
-            character(len=*), intent(in) :: what, unit_name
-            type(peak_type), intent(in) :: peak
-            real(wp), intent(in) :: least                !! squared, as peaks are
-
-            if (.not. peak%is_set) return
-            if (.not. peak%value > least) then
-                write (unit, "(a)") "  "//what//"  "//right("none", 12)
-                return
-            end if
-            write (unit, "(a)") "  "//what//"  "//right(significant(sqrt(peak%value)), 12)//" "//unit_name//"  at "// &
-                trim(layout%dimension(dim_joint)%label(peak%place))//", t = "//significant(peak%time)//" s"
-        end subroutine print_reaction
-    end subroutine print_summary
-
-    !> "A [N m]" for every entry of a dimension.
-    pure function named_units(dimension, unit) result(name)
-        type(dimension_type), intent(in) :: dimension
-        character(len=*), intent(in), optional :: unit   !! of all; absent: of the entries
-        character(len=label_len + 8) :: name(dimension%size)
-        integer :: k
-
-        do k = 1, size(name)
-            if (present(unit)) then
-                name(k) = trim(dimension%label(k))//" ["//unit//"]"
-            else
-                name(k) = trim(dimension%label(k))//" ["//trim(dimension%unit(k))//"]"
-            end if
-        end do
-    end function named_units
-
-    subroutine print_range(title, name, range, unit)
-        character(len=*), intent(in) :: title
-        character(len=*), intent(in) :: name(:)
-        type(range_type), intent(in) :: range
-        integer, intent(in) :: unit
-        integer, parameter :: number_width = 12, time_width = 10
-        real(wp) :: rms(size(name))
-        integer :: k, width
-
-        rms = sqrt(mean_of(range%square))
-        width = max(len("driving force"), maxval(len_trim(name)))
-        write (unit, "(a)") ""
-        write (unit, "(a)") "  "//left(title, width)//right("lowest", number_width)// &
-            right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
-            right("rms", number_width)
-        do k = 1, size(name)
-            if (.not. range%highest(k)%is_set) then
-                write (unit, "(a)") "  "//left(name(k), width)//right("none", number_width)
-                cycle
-            end if
-            write (unit, "(a)") "  "//left(name(k), width)// &
-                right(significant(-range%lowest(k)%value), number_width)// &
-                right(significant(range%lowest(k)%time), time_width)// &
-                right(significant(range%highest(k)%value), number_width)// &
-                right(significant(range%highest(k)%time), time_width)// &
-                right(significant(rms(k)), number_width)
-        end do
-    end subroutine print_range
-
-    !> The largest estimated errors with their places; which of them is the worst beside the largest value of its kind.
-    subroutine print_errors(layout, worst, unit)
-        type(layout_type), intent(in) :: layout
-        type(error_peak_type), intent(in) :: worst(:)
-        integer, intent(in) :: unit
-        integer, parameter :: name_width = 24, number_width = 12, time_width = 10
-        character(len=:), allocatable :: mark
-        real(wp) :: relative(size(worst))
-        integer :: i
-
-        relative = worst%error%value/max(worst%largest, tiny(1.0_wp))
-        write (unit, "(a)") ""
-        write (unit, "(a)") "  "//left("estimated error", name_width)//right("largest", number_width)// &
-            right("of at most", number_width)//right("at t [s]", time_width)//"  of"
-        do i = 1, size(worst)
-            if (.not. worst(i)%error%is_set) cycle
-            mark = ""
-            if (i == maxloc(relative, 1)) mark = "  (the worst)"
-            associate (variable => layout%variable(worst(i)%place))
-                write (unit, "(a)") "  "//left(trim(variable%name)//" ["//trim(worst(i)%unit)//"]", name_width)// &
-                    right(rounded(worst(i)%error%value), number_width)//right(significant(worst(i)%largest), number_width)// &
-                    right(significant(worst(i)%error%time), time_width)//"  "// &
-                    label_of_value(layout, variable, worst(i)%error%place)//mark
-            end associate
-        end do
-    end subroutine print_errors
-
-    !> An error: two digits say it all.
-    pure function rounded(value) result(text)
-        real(wp), intent(in) :: value
-        character(len=:), allocatable :: text
-        character(len=10) :: buffer
-
-        if (.not. value <= huge(value)) then
-            text = "infinite"
-            return
-        end if
-        write (buffer, "(es10.1)") value
-        text = trim(adjustl(buffer))
-    end function rounded
-
-    !> "none", or how many and where first.
-    function failure_text(summary) result(text)
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-
-        text = "none"
-        if (summary%failure%n > 0) text = to_text(summary%failure%n)//" of "//to_text(summary%n_sample)// &
-            ", first at t = "//significant(summary%failure%first)//" s: "// &
-            trim(sample_status_name(summary%first_failure))
-        if (len_trim(summary%why) > 0) text = text//": "//trim(summary%why)
-    end function failure_text
-
-    !> When and why the assembly was lost first; blank if it was not.
-    function reason_of_loss(summary) result(text)
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-
-        text = ""
-        if (len_trim(summary%why) > 0) text = "t = "//significant(summary%failure%first)//" s: "//trim(summary%why)
-    end function reason_of_loss
-
-    !> "3 samples, first at t = 0.72 s"
-    function times_text(event) result(text)
-        type(event_type), intent(in) :: event
-        character(len=:), allocatable :: text
-
-        text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at t = "//significant(event%first) &
-               //" s"
-    end function times_text
-
-    !> "20 passed on the smooth continuation, the first before t = 0.72 s"
-    function crossings_text(summary) result(text)
-        type(summary_type), intent(in) :: summary
-        character(len=:), allocatable :: text
-
-        text = to_text(summary%n_passed)//" passed on the smooth continuation"
-        if (summary%crossing%n > 0) text = text//", the first before t = "//significant(summary%crossing%first)//" s"
-    end function crossings_text
-
-    function gravity_text(scene) result(text)
-        type(scene_type), intent(in) :: scene
-        character(len=:), allocatable :: text
-        integer :: i
-
-        if (all(scene%gravity == 0)) then
-            text = "no gravity"
-            return
-        end if
-        text = "gravity"
-        do i = 1, merge(2, 3, scene%planar)
-            text = text//" "//to_text(scene%gravity(i))
-        end do
-        text = text//" m/s2"
-    end function gravity_text
-
-    !> Six significant digits, as a plain number where that is readable.
-    pure function significant(value) result(text)
-        real(wp), intent(in) :: value
-        character(len=:), allocatable :: text
-        character(len=32) :: buffer, form
-        integer :: exponent
-
-        buffer = "0"
-        if (value /= 0) then
-            exponent = floor(log10(abs(value)))
-            if (exponent >= -4 .and. exponent < 7) then
-                write (form, "('(f32.', i0, ')')") max(0, 5 - exponent)
-                write (buffer, form) value
-            else
-                write (buffer, "(es32.5)") value
-            end if
-        end if
-        text = trim(adjustl(buffer))
-        if (index(text, ".") == len(text)) text = text(:len(text) - 1)
-        if (index(text, ".") == 1) text = "0"//text
-        if (index(text, "-.") == 1) text = "-0"//text(2:)
-    end function significant
-
-    pure function right(text, width) result(padded)
-        character(len=*), intent(in) :: text
-        integer, intent(in) :: width
-        character(len=max(width, len(text) + 1)) :: padded
-
-        padded = repeat(" ", len(padded) - len(text))//text
-    end function right
-
-    pure function left(text, width) result(padded)
-        character(len=*), intent(in) :: text
-        integer, intent(in) :: width
-        character(len=width) :: padded
-
-        padded = text
-    end function left
 end module linkdyn_summary

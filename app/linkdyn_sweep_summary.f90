@@ -1,9 +1,9 @@
 !> The table at the end of a sweep: peaks of every actuator with where they are, the largest joint forces, feasibility.
 module linkdyn_sweep_summary
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_columns, only: significant, left, right
     use linkdyn_code, only: code_in_use
     use linkdyn_kinds, only: wp
-    use linkdyn_summary, only: significant, left, right
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_plan, only: axis_values
     use linkdyn_sweep_quantities, only: quantity_type
