@@ -32,7 +32,7 @@ module linkdyn_results
     public :: layout_type, dimension_type, variable_type, block_type, wanted_type
     public :: describe_results, choose_wanted, refuse_absent, all_wanted, add_free, prepare_block, view_values, &
         find_driving_power, flag_unsound
-    public :: find_motor_loads, view_motor_loads, margin_of
+    public :: find_motor_loads, view_motor_loads
     public :: variable_index, samples_width, label_len
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
         dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, n_dimension
@@ -837,29 +837,15 @@ contains
         call view_values(layout, result_transmission_loss, n, block, loss)
         call view_values(layout, result_motor_current, n, block, current)
         call view_values(layout, result_torque_margin, n, block, margin)
-        call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss)
-        if (present(brake)) then
-            torque = torque + brake
-            power = torque*speed
-        end if
-        if (associated(current)) current = torque/spread(layout%motor%torque_constant, 2, size(torque, 2))
-        if (associated(margin)) margin = margin_of(layout, torque, speed)
+        ! what is not viewed is absent there
+        call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss, current, margin, &
+                              brake)
     end subroutine view_motor_loads
 
-    !> What motors have at their speeds beyond their torques.
-    pure function margin_of(layout, torque, speed) result(margin)
-        type(layout_type), intent(in) :: layout
-        real(wp), intent(in) :: torque(:, :), speed(:, :)    !! (n_motor, n)
-        real(wp) :: margin(size(torque, 1), size(torque, 2)) !! [N m]
-        integer :: i
-
-        do i = 1, size(torque, 2)
-            margin(:, i) = available_torque(layout%motor, speed(:, i)) - abs(torque(:, i))
-        end do
-    end function margin_of
-
-    !> Torque, speed and power of the motors, and what is lost behind them.
-    pure subroutine find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss)
+    !> Torque, speed and power of the motors, what is lost behind them, their currents, and what they have at their speeds beyond
+    !> their torques.
+    pure subroutine find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss, current, &
+            margin, brake)
         type(layout_type), intent(in) :: layout
         real(wp), intent(in) :: driving_force(:, :)    !! [N, N m] (n_actuator, n)
         real(wp), intent(in) :: transmission_force(:, :)   !! [N, N m] (n_motor, n)
@@ -868,15 +854,21 @@ contains
         real(wp), intent(out) :: speed(:, :)           !! [rad/s]
         real(wp), intent(out) :: power(:, :)           !! [W]
         real(wp), intent(out) :: loss(:, :)            !! [W]
+        real(wp), intent(out), optional :: current(:, :)   !! [A]
+        real(wp), intent(out), optional :: margin(:, :)    !! [N m]
+        real(wp), intent(in), optional :: brake(:, :)  !! what brakes take of the torques [N m] (n_motor, n); absent: nothing
         real(wp) :: rate(size(layout%motor))
         integer :: i
 
         do i = 1, size(torque, 2)
             rate = joint_rate(layout%actuator_variable(layout%motor_actuator), i)
             torque(:, i) = motor_torque(layout%motor, driving_force(layout%motor_actuator, i), transmission_force(:, i), rate)
+            if (present(brake)) torque(:, i) = torque(:, i) + brake(:, i)
             speed(:, i) = layout%motor%ratio*rate
             power(:, i) = torque(:, i)*speed(:, i)
             loss(:, i) = transmission_friction(layout%motor, transmission_force(:, i), rate)*rate
+            if (present(current)) current(:, i) = torque(:, i)/layout%motor%torque_constant
+            if (present(margin)) margin(:, i) = available_torque(layout%motor, speed(:, i)) - abs(torque(:, i))
         end do
     end subroutine find_motor_loads
 end module linkdyn_results

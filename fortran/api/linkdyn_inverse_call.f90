@@ -12,7 +12,7 @@ module linkdyn_inverse_call
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_open_scene, only: open_scene, find_solver
-    use linkdyn_results, only: find_driving_power, margin_of, find_motor_loads
+    use linkdyn_results, only: find_driving_power, find_motor_loads
     use linkdyn_result_kinds, only: result_name, result_driving_force, result_driving_speed, result_driving_power, &
         result_reaction, result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, &
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
@@ -156,18 +156,19 @@ contains
         !> What follows of the motors.
         subroutine give_motor_loads(n_motor)
             integer, intent(in) :: n_motor
-            real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), loss(:, :), of_constant(:, :)
+            real(c_double), dimension(:, :), allocatable :: torque, speed, power, loss, current, margin
 
             allocate (torque(n_motor, given%n), speed(n_motor, given%n), power(n_motor, given%n), loss(n_motor, given%n))
+            if (is_wanted(room, result_motor_current)) allocate (current(n_motor, given%n))
+            if (is_wanted(room, result_torque_margin)) allocate (margin(n_motor, given%n))
             call find_motor_loads(scene%layout, results%of(result_driving_force)%x, results%of(result_transmission_force)%x, &
-                                  results%of(result_joint_rate)%x, torque, speed, power, loss)
-            of_constant = spread(scene%layout%motor%torque_constant, 2, given%n)
+                                  results%of(result_joint_rate)%x, torque, speed, power, loss, current, margin)
             call give(result_motor_torque, torque)
             call give(result_motor_speed, speed)
             call give(result_motor_power, power)
             call give(result_transmission_loss, loss)
-            if (is_wanted(room, result_torque_margin)) call give(result_torque_margin, margin_of(scene%layout, torque, speed))
-            if (is_wanted(room, result_motor_current)) call give(result_motor_current, torque/of_constant)
+            if (allocated(current)) call give(result_motor_current, current)
+            if (allocated(margin)) call give(result_torque_margin, margin)
             where (sample_status == sample_ok .and. .not. all(abs(power) + abs(torque) <= huge(1.0_c_double), dim=1)) &
                 sample_status = sample_undefined
         end subroutine give_motor_loads
