@@ -188,29 +188,49 @@ contains
 
     ! ---------------------------------------------------------------- the source
 
+    !> What is traced, each part as a routine of its own, and the function of the header that calls them.
     subroutine write_source(code, unit)
         type(controller_code), intent(in) :: code
         integer, intent(in) :: unit                    !! open for formatted writing
         type(c_routine) :: routine, closing(size(code%group))
         type(piecewise_curve), allocatable :: curve(:)
-        character(len=:), allocatable :: name, large
-        integer :: g, n_operation, n_place, most_rows
+        integer :: g
 
         call wire(code, "compute", code%controller, routine)
         allocate (curve(0))
         call take_curves(routine, curve)
-        n_operation = size(routine%line%of)
-        n_place = routine%line%n_place
-        most_rows = 0
         do g = 1, size(code%group)
             call wire(code, "step_"//to_text(g), code%group(g)%controller, closing(g))
             call take_curves(closing(g), curve)
-            n_operation = n_operation + size(closing(g)%line%of)
-            n_place = max(n_place, closing(g)%line%n_place)
-            most_rows = max(most_rows, size(code%group(g)%unit))
         end do
-        name = code%prefix
-        large = upper(name)
+        call write_opening(code, routine, closing, unit)
+        call write_work(code, routine, closing, unit)
+        call write_start(code, code%prefix//"_input", code%prefix//"_start", code%input, unit)
+        if (has_state(code)) call write_start(code, code%prefix//"_state", code%prefix//"_assembly", code%state, unit)
+        call write_curves(curve, unit)
+        if (has_state(code)) call write_move(code%list(of_place)%n, unit)
+        do g = 1, size(code%group)
+            call write_routine(closing(g), unit)
+            call write_settling(code%prefix, g, code%group(g), code%list(of_placed)%label, code%list(of_place)%n, &
+                                closing(g), unit)
+        end do
+        call write_routine(routine, unit)
+        call write_evaluate(code, routine, unit)
+    end subroutine write_source
+
+    !> What it is, and what it asks of the compiler.
+    subroutine write_opening(code, routine, closing, unit)
+        type(controller_code), intent(in) :: code
+        type(c_routine), intent(in) :: routine, closing(:)
+        integer, intent(in) :: unit
+        character(len=:), allocatable :: large
+        integer :: g, n_operation
+
+        large = upper(code%prefix)
+        n_operation = size(routine%line%of)
+        do g = 1, size(closing)
+            n_operation = n_operation + size(closing(g)%line%of)
+        end do
         write (unit, "(a)") "/* "//title_of(code), &
             " *", &
             " * "//to_text(n_operation)//" operations, traced from the scene. Written by linkdyn "//version &
@@ -238,7 +258,23 @@ contains
         write (unit, "(a)") "#ifdef __FAST_MATH__", &
             "#error ""with -ffast-math results that are NaN or infinite would go unnoticed""", &
             "#endif", &
-            "", &
+            ""
+    end subroutine write_opening
+
+    !> What routines leave for each other.
+    subroutine write_work(code, routine, closing, unit)
+        type(controller_code), intent(in) :: code
+        type(c_routine), intent(in) :: routine, closing(:)
+        integer, intent(in) :: unit
+        integer :: g, n_place, most_rows
+
+        n_place = routine%line%n_place
+        most_rows = 0
+        do g = 1, size(closing)
+            n_place = max(n_place, closing(g)%line%n_place)
+            most_rows = max(most_rows, size(code%group(g)%unit))
+        end do
+        write (unit, "(a)") &
             "struct work {", &
             "    double alarm; /* beyond one, rounding may have grown */", &
             "    double reach; /* not above zero: a loop does not close */"
@@ -249,16 +285,18 @@ contains
         if (n_place > 0) write (unit, "(a)") &
             "    double w["//to_text(n_place)//"]; /* what one part finds for others */"
         write (unit, "(a)") "};", ""
-        call write_start(code, name//"_input", name//"_start", code%input, unit)
-        if (has_state(code)) call write_start(code, name//"_state", name//"_assembly", code%state, unit)
-        call write_curves(curve, unit)
-        if (has_state(code)) call write_move(code%list(of_place)%n, unit)
-        do g = 1, size(code%group)
-            call write_routine(closing(g), unit)
-            call write_settling(name, g, code%group(g), code%list(of_placed)%label, code%list(of_place)%n, &
-                                closing(g), unit)
-        end do
-        call write_routine(routine, unit)
+    end subroutine write_work
+
+    !> The function that is called: loops are closed, all is computed, and what cannot be trusted is told apart.
+    subroutine write_evaluate(code, routine, unit)
+        type(controller_code), intent(in) :: code
+        type(c_routine), intent(in) :: routine
+        integer, intent(in) :: unit
+        character(len=:), allocatable :: name, large
+        integer :: g
+
+        name = code%prefix
+        large = upper(name)
         write (unit, "(a)") "static int all_finite(const double *x, int n)", &
             "{", &
             "    int i;", &
@@ -267,7 +305,8 @@ contains
             "            return 0;", &
             "    return 1;", &
             "}", &
-            "", &
+            ""
+        write (unit, "(a)") &
             "int "//name//"_evaluate("//parameters(code)//")", &
             "{", &
             "    struct work work;", &
@@ -300,7 +339,7 @@ contains
         write (unit, "(a)") "    *out = found;", &
             "    return "//large//"_OK;", &
             "}"
-    end subroutine write_source
+    end subroutine write_evaluate
 
     !> What the kernel's inputs and outputs are in C.
     subroutine wire(code, routine_name, controller, routine)

@@ -132,6 +132,7 @@ contains
         end do
     end subroutine refuse_motions_at_rest
 
+    !> One axis: what is varied, in which unit, over which values, and the group that it moves along with.
     subroutine read_axis(at, root, scene, axis, group, added, status)
         type(scene_place), intent(in) :: at
         type(toml_node), intent(in) :: root
@@ -605,15 +606,12 @@ contains
 
     ! ---------------------------------------------------------------- what is reduced and kept
 
+    !> Quantities that are reduced and kept, and what they are asked with.
     subroutine read_wishes(place, scene, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(scene_place) :: inner
-        type(toml_node) :: node, item
-        character(len=:), allocatable :: key
-        integer :: i, id, line
-        logical :: found, flag, is_flag
+        logical :: found, flag
 
         associate (spec => scene%sweep)
             call read_quantities(place, "reduce", spec%wants, status, found)
@@ -632,6 +630,20 @@ contains
             call get_integer(place, "chunk", spec%chunk, status, found)
             if (status%is_ok() .and. (spec%chunk < 1 .or. spec%chunk > 1048576)) call refuse_value(place, "chunk", &
                 place%node%get("chunk"), "= "//to_text(spec%chunk)//" (expected 1 to 1048576 samples)", status)
+        end associate
+        call read_tool(place, scene, status)
+        call read_histograms(place, scene, status)
+    end subroutine read_wishes
+
+    !> Where unit wrenches act: at the marker named, else where the only load does.
+    subroutine read_tool(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: key
+        logical :: found
+
+        associate (spec => scene%sweep)
             call get_text(place, "on", key, status, found)
             if (found) then
                 spec%tool = key
@@ -643,6 +655,21 @@ contains
                 spec%tool_link = scene%load(1)%link
                 spec%tool_marker = scene%load(1)%marker
             end if
+        end associate
+    end subroutine read_tool
+
+    !> `histogram = { driving_force = true, bins = 64 }`: what is asked for so is reduced, too.
+    subroutine read_histograms(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: key
+        integer :: i, id, line
+        logical :: found, flag, is_flag
+
+        associate (spec => scene%sweep)
             node = place%node%get("histogram")
             if (.not. node%is_present() .or. .not. status%is_ok()) return
             inner = place_at(place, node, "sweep, histogram")
@@ -668,7 +695,7 @@ contains
                 spec%wants(id) = .true.
             end do
         end associate
-    end subroutine read_wishes
+    end subroutine read_histograms
 
     subroutine read_range(scene, place, id, status)
         type(scene_type), intent(inout) :: scene
@@ -955,6 +982,7 @@ contains
 
     ! ---------------------------------------------------------------- bodies and neutral directions
 
+    !> `clearance = { diameter = 0.1, segments = [..] }`: bodies whose distances are looked at.
     subroutine read_bodies(place, scene, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(inout) :: scene
