@@ -132,6 +132,7 @@ contains
         if (from + n - 1 == instants%n) t(n) = instants%last
     end function times_of
 
+    !> Block by block to the last output instant, or to where the run ends or is interrupted.
     subroutine run_blocks(watched, instants, output, summary, seconds, status)
         type(watched_run), intent(inout) :: watched
         type(instants_type), intent(in) :: instants

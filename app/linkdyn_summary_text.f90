@@ -222,7 +222,8 @@ contains
         if (len_trim(summary%why) > 0) text = "t = "//significant(summary%failure%first)//" s: "//trim(summary%why)
     end function reason_of_loss
 
-    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m required, 4 N m available"; blank: none is overloaded.
+    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m required, 4 N m available"; blank: none is
+    !> overloaded.
     function overloads(layout, summary) result(text)
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(in) :: summary

@@ -42,6 +42,7 @@ module linkdyn_law_sight
 
 contains
 
+    !> By what each law has to be looked at: pieces of what formulas take, the narrowest peaks of tables.
     subroutine plan_law_sight(book, over_time, sight)
         type(law_book), intent(in) :: book
         type(law_spec), intent(in) :: over_time(:)     !! laws of the scene

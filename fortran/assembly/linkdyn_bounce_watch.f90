@@ -43,6 +43,7 @@ module linkdyn_bounce_watch
 
 contains
 
+    !> Whose rates are compared over a step: of joints about or along one axis, and of links that turn in space.
     subroutine prepare_bounce_watch(model, is_free, watch)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)           !! coordinates that are not driven (n_q)

@@ -28,6 +28,7 @@ contains
         text = parts_as_json(model%scene, model)
     end function scene_as_json
 
+    !> One list of each kind of part, in the order of their numbers.
     function parts_as_json(scene, model) result(text)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(in) :: model

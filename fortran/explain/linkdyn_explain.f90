@@ -394,6 +394,7 @@ contains
         end do
     end subroutine explain_coupler_points
 
+    !> What a step places, and by what: "rod by revolute joint B from coordinate crank".
     function step_in_words(model, step) result(text)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step

@@ -72,6 +72,7 @@ contains
         end do
     end subroutine choose_free
 
+    !> Where each number of the state stands: places of free coordinates, their rates, what controllers, motors, cylinders keep.
     subroutine plan_layout(model, is_free, layout)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)

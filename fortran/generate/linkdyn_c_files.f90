@@ -39,6 +39,7 @@ contains
 
     ! ---------------------------------------------------------------- the header
 
+    !> The structs and functions that a caller sees, with what each number means.
     subroutine write_header(code, unit)
         type(controller_code), intent(in) :: code
         integer, intent(in) :: unit                    !! open for formatted writing

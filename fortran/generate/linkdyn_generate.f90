@@ -386,6 +386,7 @@ contains
 
     ! ---------------------------------------------------------------- names
 
+    !> Names of what the arrays of the code run over.
     subroutine make_lists(model, list)
         type(model_type), intent(in) :: model
         type(name_list), intent(out) :: list(n_list)
@@ -434,6 +435,7 @@ contains
 
     ! ---------------------------------------------------------------- what goes in and out
 
+    !> What the code computes: as much as is wished for, and as there is.
     subroutine list_outputs(wish, list, output)
         type(code_wish), intent(in) :: wish
         type(name_list), intent(in) :: list(:)
@@ -481,6 +483,7 @@ contains
         end subroutine add
     end subroutine list_outputs
 
+    !> What the caller gives at each call: the motion as far as the kernel takes it for known, then loads and drives.
     subroutine list_inputs(model, wish, unknown, list, input)
         type(model_type), intent(in) :: model
         type(code_wish), intent(in) :: wish

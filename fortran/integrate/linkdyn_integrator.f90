@@ -189,6 +189,7 @@ contains
         call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
     end subroutine begin_guards
 
+    !> The method that is asked for, made anew for a system.
     subroutine prepare_method(self, system, y, status)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout), target :: system

@@ -50,6 +50,7 @@ module linkdyn_coordinate_watch
 
 contains
 
+    !> Which coordinates may reach dead points, and which joint variables may be integrated in their place.
     subroutine prepare_watch(model, is_free, watch)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)           !! coordinates that are not driven (n_q)

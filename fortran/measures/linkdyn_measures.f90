@@ -113,6 +113,7 @@ contains
         end associate
     end subroutine find_measures
 
+    !> The value of one measure, or its rate.
     subroutine find_measure(model, spec, state, number)
         type(model_type), intent(in) :: model
         type(measure_spec), intent(in) :: spec

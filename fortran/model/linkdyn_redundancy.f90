@@ -99,6 +99,7 @@ contains
     end function gap_of
 
 
+    !> Redundant directions joint by joint: "of joint 'D' the force along its axis; of joint ...".
     function words_of(model, loop, rows, is_redundant) result(words)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop

@@ -49,6 +49,7 @@ contains
         if (.not. status%is_ok()) call abandon_netcdf(writer)
     end subroutine create_dataset
 
+    !> Define a variable with its attributes, and write it.
     subroutine put_variable(dataset, variable, dimension_id, writer, status)
         type(dataset_type), intent(in) :: dataset
         type(dataset_variable), intent(in) :: variable

@@ -88,6 +88,7 @@ contains
         end subroutine write_rows
     end subroutine write_curve
 
+    !> The look-ups, each a function in C.
     subroutine write_look_ups(unit)
         integer, intent(in) :: unit
 

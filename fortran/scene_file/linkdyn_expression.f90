@@ -129,6 +129,7 @@ contains
 
     ! ---------------------------------------------------------------- grammar
 
+    !> Products that are added or taken off, all of one dimension.
     recursive subroutine read_sum(reader, names, depth, found)
         type(reader_type), intent(inout) :: reader
         class(name_source), intent(inout) :: names
@@ -174,6 +175,7 @@ contains
         end function angle_hint
     end subroutine read_sum
 
+    !> Factors with their signs, whose dimensions multiply.
     recursive subroutine read_product(reader, names, depth, found)
         type(reader_type), intent(inout) :: reader
         class(name_source), intent(inout) :: names
@@ -606,6 +608,7 @@ contains
         is_plain = all(x%power == 0)
     end function is_plain
 
+    !> A function of one or two arguments, with the dimension that its value has.
     subroutine apply(reader, name, x, y, found)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: name

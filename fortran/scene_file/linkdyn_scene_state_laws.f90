@@ -447,6 +447,7 @@ contains
         call refuse(place, "depends on itself ("//circle//") (expected measures and other laws)", status, line(i))
     end subroutine refuse_circle
 
+    !> A law over the state: a formula, a number, or a table with 'over'.
     subroutine read_named_law(root, node, name, line, shelf, status)
         type(scene_place), intent(in) :: root
         type(toml_node), intent(in) :: node
