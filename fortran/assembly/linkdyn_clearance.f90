@@ -6,7 +6,6 @@ module linkdyn_clearance
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_ups, orientation_of, side_of, direction_of_leg
-    use linkdyn_scene, only: joint_universal, joint_spherical
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.), &
         operator(.unrotate.), lane_of
     implicit none (type, external)
