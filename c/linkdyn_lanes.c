@@ -270,3 +270,10 @@ uint64_t linkdyn_scatter(const double *slot, const int32_t *which, const int32_t
 {
     return n > 0 ? machine()->scatter(slot, which, sign, n, target, ld, count) : 0;
 }
+
+/* The same to columns. */
+uint64_t linkdyn_scatter_columns(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld,
+                                 int count)
+{
+    return machine()->scatter_columns(slot, which, sign, n, target, ld, count);
+}

@@ -78,6 +78,9 @@ struct lane_machine {
     void (*gather)(const double *source, long ld, int count, int n, double *slot);
     /* slots to rows of samples, with the sign of each; returns the lanes, one a bit, in which a number is not finite */
     uint64_t (*scatter)(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count);
+    /* likewise to columns of samples: number k of the target at target + k ld */
+    uint64_t (*scatter_columns)(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld,
+                                int count);
 };
 
 #endif

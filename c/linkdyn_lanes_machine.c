@@ -341,23 +341,27 @@ static void gather(const double *source, long ld, int count, int n, double *slot
     if (k < n) gather_tiles(source + k, ld, count, n - k, slot + (long)k*LANES);
 }
 
-/* one number a sample: nothing to turn */
-static uint64_t scatter_column(const double *slot, int32_t sign, double *target, int count)
+static uint64_t scatter_columns(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld,
+                                int count)
 {
-    const row flip = repeat(flip_of(sign));
     uint64_t bad = 0;
     for (int lane = 0; lane < count; lane += TILE) {
         const int last = smaller(count - lane, TILE);
-        const row r = turn_sign(load_row(slot + lane), flip);
-        store_part(target + lane, part_of(last), r);
-        bad |= (not_a_number(add_zero_times(r, repeat(0.0))) & ((1u << last) - 1)) << lane;
+        const part p = part_of(last);
+        row finite = repeat(0.0);            /* stays zero while all numbers are finite */
+        for (int k = 0; k < n; k++) {
+            const row r = turn_sign(load_row(slot + (long)which[k]*LANES + lane), repeat(flip_of(sign[k])));
+            store_part(target + k*ld + lane, p, r);
+            finite = add_zero_times(r, finite);
+        }
+        bad |= (not_a_number(finite) & ((1u << last) - 1)) << lane;
     }
     return bad;
 }
 
 static uint64_t scatter(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count)
 {
-    if (n == 1 && ld == 1) return scatter_column(slot + (long)which[0]*LANES, sign[0], target, count);
+    if (n == 1 && ld == 1) return scatter_columns(slot, which, sign, 1, target, count, count);     /* nothing to turn */
     uint64_t bad = 0;
     for (int lane = 0; lane < count; lane += TILE) {
         const int last = smaller(count - lane, TILE);
@@ -405,6 +409,22 @@ static uint64_t scatter(const double *slot, const int32_t *which, const int32_t 
     return bad;
 }
 
+static uint64_t scatter_columns(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld,
+                                int count)
+{
+    uint64_t bad = 0;
+    for (int lane = 0; lane < count; lane++) {
+        double finite = 0.0;
+        for (int k = 0; k < n; k++) {
+            const double x = slot[(long)which[k]*LANES + lane];
+            target[k*ld + lane] = sign[k] < 0 ? -x : x;
+            finite += x*0.0;
+        }
+        if (!(finite == 0.0)) bad |= (uint64_t)1 << lane;
+    }
+    return bad;
+}
+
 #endif
 
 const struct lane_machine CONCAT(linkdyn_machine_, MACHINE) = {
@@ -417,5 +437,5 @@ const struct lane_machine CONCAT(linkdyn_machine_, MACHINE) = {
     run16, run32, run_one16, run_one32,
     {call_wide_sine_cosine, call_wide_arctangent, call_wide_piece, call_wide_place},
     {call_one_sine_cosine, call_one_arctangent, call_one_piece, call_one_place},
-    gather, scatter,
+    gather, scatter, scatter_columns,
 };

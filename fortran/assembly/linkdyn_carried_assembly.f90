@@ -282,17 +282,18 @@ contains
         logical :: doubtful(lanes)
         real(wp), dimension(lanes, n_map(model)) :: margin, drift
         real(wp) :: ahead(lanes), least(n_map(model))
-        real(wp) :: way(lanes, model%n_q)
+        real(wp) :: way(lanes, model%n_q), doubt(lanes)
         integer :: m
 
-        ! On the wrong branch the loops behind the dyad may not close.
-        doubtful = state%unreachable
+        doubt = 0
         way = span_of(model, state, assembly%q, assembly%quaternion)
         do m = 1, merge(model%n_q, 0, model%n_branch > 0)      ! groups' corrections from the tangent tell
-            call note_far(lanes, spread(0.0_wp, 1, lanes), way(:, m), model%stride(m), doubtful)
+            call note_far(lanes, spread(0.0_wp, 1, lanes), way(:, m), model%stride(m), doubt)
         end do
         ahead = t - assembly%t
         call measure_margins(model, state, margin, drift)
+        ! On the wrong branch the loops behind the dyad may not close.
+        doubtful = state%unreachable
         if (size(model%group) > 0) then
             doubtful = doubtful .or. state%not_converged .or. .not. state%group%contraction <= largest_contraction
             do m = model%n_branch + 1, size(margin, 2)
@@ -302,8 +303,9 @@ contains
         least = model%least_margin
         do m = 1, size(margin, 2)
             call note_doubt(lanes, model%scene%passes_change_points, least(m), assembly%margin(:, m), assembly%drift(:, m), &
-                            margin(:, m), drift(:, m), ahead, doubtful)
+                            margin(:, m), drift(:, m), ahead, doubt)
         end do
+        doubtful = doubtful .or. doubt > 0
     end function is_doubtful
 
     !> How far a step may be meant to go, so that its stages do tell of the assembly.
@@ -314,32 +316,32 @@ contains
         longest_way = well_within*farthest_told*stride
     end function longest_way
 
-    !> Is a coordinate's way so far that its end does not tell of the assembly?
-    pure subroutine note_far(n, accepted, tried, stride, are_far)
+    !> Doubt grows where a coordinate's way is so far that its end does not tell of the assembly.
+    pure subroutine note_far(n, accepted, tried, stride, doubt)
         integer, intent(in) :: n                       !! lanes
         real(wp), intent(in) :: accepted(n), tried(n)
         real(wp), intent(in) :: stride
-        logical, intent(inout) :: are_far(n)
+        real(wp), intent(inout) :: doubt(n)
         integer :: lane
 
         do lane = 1, n
-            are_far(lane) = merge(.true., are_far(lane), abs(tried(lane) - accepted(lane)) > farthest_told*stride)
+            doubt(lane) = doubt(lane) + merge(1.0_wp, 0.0_wp, abs(tried(lane) - accepted(lane)) > farthest_told*stride)
         end do
     end subroutine note_far
 
-    !> May a map have left its assembly on the steps to states tried, one a lane?
-    pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+    !> Doubt grows where a map may have left its assembly on the steps to states tried, one a lane.
+    pure subroutine note_doubt(n, passes_change_points, least_margin, before, drift_before, now, drift_now, ahead, doubt)
         integer, intent(in) :: n                       !! lanes
         logical, intent(in) :: passes_change_points
         real(wp), intent(in) :: least_margin
         real(wp), intent(in), dimension(n) :: before, drift_before     !! accepted margins; their rates [1/s]
         real(wp), intent(in), dimension(n) :: now, drift_now           !! tried
         real(wp), intent(in) :: ahead(n)               !! how long the steps are [s]
-        logical, intent(inout) :: is_doubtful(n)
+        real(wp), intent(inout) :: doubt(n)
 
-        call doubt_unsound(n, least_margin, before, drift_before, now, drift_now, ahead, is_doubtful)
+        call doubt_unsound(n, least_margin, before, drift_before, now, drift_now, ahead, doubt)
         ! From where it is not told on which side it is, a mechanism would leave to either.
-        if (.not. passes_change_points) is_doubtful = is_doubtful .or. abs(now) <= least_margin
+        if (.not. passes_change_points) doubt = doubt + merge(1.0_wp, 0.0_wp, abs(now) <= least_margin)
     end subroutine note_doubt
 
     !> Go on to a new accepted state: `assembly%state` holds its coordinates and rates.
@@ -410,24 +412,26 @@ contains
         real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
         real(wp), intent(inout), contiguous :: drift(:, :)         !! its rate [1/s]; that of groups is found here (lane, n_map)
         type(carried_assembly), intent(inout) :: assembly
+        logical :: all_go
         integer :: g, i, m
 
+        all_go = all(goes)
         do m = model%n_branch + 1, size(margin, 2)
             drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
         end do
         call count_crossings(model, margin, goes, assembly)
         call forget_map_lost(model, margin, goes, assembly%map_lost)
-        call go_on(1, goes, t, assembly%t)
-        call go_on(size(margin, 2), goes, margin, assembly%margin)
-        call go_on(size(margin, 2), goes, drift, assembly%drift)
+        call go_on(1, all_go, goes, t, assembly%t)
+        call go_on(size(margin, 2), all_go, goes, margin, assembly%margin)
+        call go_on(size(margin, 2), all_go, goes, drift, assembly%drift)
         associate (state => assembly%state)
-            call go_on(model%n_q, goes, state%q, assembly%q)
-            call go_on(4*model%n_attitude, goes, state%quaternion, assembly%quaternion)
-            call go_on(model%n_branch, goes, state%branch, assembly%branch)
+            call go_on(model%n_q, all_go, goes, state%q, assembly%q)
+            call go_on(4*model%n_attitude, all_go, goes, state%quaternion, assembly%quaternion)
+            call go_on(model%n_branch, all_go, goes, state%branch, assembly%branch)
             do g = 1, size(model%group)
                 do i = 1, size(model%group(g)%link)
                     associate (l => model%group(g)%link(i))
-                        call go_on(size(assembly%place, 2), goes, state%group%place(:, :, l), assembly%place(:, :, l))
+                        call go_on(size(assembly%place, 2), all_go, goes, state%group%place(:, :, l), assembly%place(:, :, l))
                     end associate
                 end do
             end do
@@ -435,16 +439,21 @@ contains
     end subroutine go_on_to_state
 
     !> Numbers of the lanes that go are what they have come to.
-    pure subroutine go_on(n, goes, come_to, x)
+    pure subroutine go_on(n, all_go, goes, come_to, x)
         integer, intent(in) :: n
+        logical, intent(in) :: all_go
         logical, intent(in) :: goes(lanes)
         real(wp), intent(in) :: come_to(lanes, n)
         real(wp), intent(inout) :: x(lanes, n)
         integer :: k
 
-        do k = 1, n
-            x(:, k) = merge(come_to(:, k), x(:, k), goes)
-        end do
+        if (all_go) then
+            x = come_to
+        else
+            do k = 1, n
+                x(:, k) = merge(come_to(:, k), x(:, k), goes)
+            end do
+        end if
     end subroutine go_on
 
     !> Change points passed by an accepted step.
@@ -458,10 +467,22 @@ contains
         where (goes) assembly%n_crossed = assembly%n_crossed + crossed(model, assembly, margin)
         do m = 1, size(margin, 2)
             associate (least => model%least_margin(m))
-                call go_on(1, goes .and. abs(margin(:, m)) > least, margin(:, m), assembly%side(:, m))
+                call take_sides(goes, margin(:, m), least, assembly%side(:, m))
             end associate
         end do
     end subroutine count_crossings
+
+    !> Of the lanes that go, where a margin can be told from zero.
+    pure subroutine take_sides(goes, margin, least, side)
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: margin(lanes), least
+        real(wp), intent(inout) :: side(lanes)
+        integer :: lane
+
+        do lane = 1, lanes
+            side(lane) = merge(margin(lane), side(lane), goes(lane) .and. abs(margin(lane)) > least)
+        end do
+    end subroutine take_sides
 
     !> Change points between the accepted state and the one evaluated last: those of the way to it, or, where it set out from
     !> too near one to tell, those seen by the sides on which the mechanism was and is. Loops that lie flat together, as those of
@@ -536,6 +557,7 @@ contains
         real(wp) :: least(n_map(model))
         integer :: lane
 
+        if (all(map_lost == 0)) return
         least = model%least_margin
         do lane = 1, lanes
             associate (m => map_lost(lane))

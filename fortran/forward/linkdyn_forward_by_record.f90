@@ -9,7 +9,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_energy_balance, only: energy_of_motion
     use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, place_still, &
-        close_states, run_states, carry_states, take_rates, place_touches, leave_doubtful, leave_far, keep_stages, &
+        close_states, run_states, carry_states, take_rates, place_touches, leave_doubtful, doubt_far, keep_stages, &
         apply_record_laws, run_losing
     use linkdyn_forward_state, only: fill_start
     use linkdyn_joint_rates, only: measure_joints
@@ -95,12 +95,12 @@ contains
     !> dy/dt of the lanes used; the arrays may end there.
     module procedure evaluate_by_record
         if (self%record%stands_still) then
-            call run_still(self, t, y, is_left)
+            call run_still(self, n_lane, t, y, is_left)
         else
-            call run_moving(self, t, y, is_left)
+            call run_moving(self, n_lane, t, y, is_left)
         end if
         associate (n => self%n_used)
-            call take_rates(n, self%record, y, self%workspace%acceleration, rate)
+            call take_rates(n, self%record, n_lane, y, self%model%n_q, self%workspace%acceleration, rate)
             if (self%record%stands_still) return
             call pack_control_rates(self%layout, n, self%control, rate)
             if (self%has_motor_laws) call pack_current_rates(self%layout, n, self%way%motors, rate)
@@ -110,29 +110,40 @@ contains
     end procedure evaluate_by_record
 
     !> Run the record where nothing but states and branches changes.
-    subroutine run_still(self, t, y, is_left)
+    subroutine run_still(self, n_lane, t, y, is_left)
         class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(:)                   !! of the lanes used at least, as the others
-        real(wp), intent(in), contiguous :: y(:, :)
-        logical, intent(inout) :: is_left(:)           !! that the record does not serve
+        integer, intent(in) :: n_lane                  !! of the arrays: those used at least
+        real(wp), intent(in) :: t(n_lane), y(n_lane, self%n)
+        logical, intent(inout) :: is_left(n_lane)      !! that the record does not serve
 
         associate (n => self%n_used)
-            call place_still(self%model, self%way%assembly, n, y, self%record)
-            call run_states(n, self%record, y, laws_are_there=.true.)
-            if (self%way%assembly%is_needed) then
-                call leave_doubtful(self%model, self%way%assembly, n, t, self%record)
-                call leave_far(self%model, self%layout, self%way%assembly, n, y, self%record%samples%is_left)
-            end if
+            call place_still(self%model, self%layout, self%way%assembly, n, n_lane, y, self%record)
+            call run_states(n, self%record, n_lane, y, laws_are_there=.true.)
+            if (self%way%assembly%is_needed) call look_for_doubt(self, n_lane, t, y)
             is_left(:n) = self%record%samples%is_left(:n)
         end associate
     end subroutine run_still
 
-    !> The same where time, turns, laws over the state, or what the run knows beside the states come into it.
-    subroutine run_moving(self, t, y, is_left)
+    !> Leave the states that a mechanism may have left its assembly on the way to, or that lie too far to tell.
+    subroutine look_for_doubt(self, n_lane, t, y)
         class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(:)
-        real(wp), intent(in), contiguous :: y(:, :)
-        logical, intent(inout) :: is_left(:)
+        integer, intent(in) :: n_lane
+        real(wp), intent(in) :: t(n_lane), y(n_lane, self%n)
+        real(wp) :: doubt(lanes)
+
+        associate (n => self%n_used, assembly => self%way%assembly)
+            doubt(:n) = 0
+            call doubt_far(self%model, self%layout, assembly, n, n_lane, y, doubt)
+            call leave_doubtful(self%model, assembly, n, t, doubt, self%record)
+        end associate
+    end subroutine look_for_doubt
+
+    !> The same where time, turns, laws over the state, or what the run knows beside the states come into it.
+    subroutine run_moving(self, n_lane, t, y, is_left)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n_lane
+        real(wp), intent(in) :: t(n_lane), y(n_lane, self%n)
+        logical, intent(inout) :: is_left(n_lane)
         logical :: changes_efforts
 
         associate (n => self%n_used, samples => self%record%samples)
@@ -152,11 +163,10 @@ contains
             if (size(self%equations%lossy) > 0) then
                 call run_losing(self%model, self%equations%lossy, n, self%record)
             else
-                call run_states(n, self%record, y, laws_are_there=changes_efforts)
+                call run_states(n, self%record, n_lane, y, laws_are_there=changes_efforts)
             end if
             if (self%way%assembly%is_needed) then
-                call leave_doubtful(self%model, self%way%assembly, n, t, self%record)
-                call leave_far(self%model, self%layout, self%way%assembly, n, y, samples%is_left)
+                call look_for_doubt(self, n_lane, t, y)
                 call keep_stages(self%way%assembly, n, self%record)
             end if
             is_left(:n) = samples%is_left(:n)
@@ -209,7 +219,7 @@ contains
             call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
             if (self%way%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
             if (size(self%model%group) > 0) call stand_there(self%model, self%workspace%state, self%way%assembly)
-            call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
+            call evaluate_by_record(self, lanes, spread(t, 1, lanes), y, by_record, is_left)
             if (self%record%recorded%looks%is_made) then
                 call energy_of_motion(self%model, self%workspace%state, energy, kinetic)
                 call measure_joints(self%model, self%workspace%state, variable, variable_rate)

@@ -7,7 +7,7 @@ module linkdyn_forward_look
     use linkdyn_carried_assembly, only: carried_assembly, note_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
     use linkdyn_forward_record, only: forward_record, use_forward_rates, free_forward_record, place_states, place_still, &
-        close_near, is_led_there, leave_far
+        close_near, is_led_there, doubt_far
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
@@ -27,7 +27,7 @@ module linkdyn_forward_look
 
     !> What has been seen of a state on each lane.
     type :: seen_lanes
-        real(wp), allocatable :: value(:, :)           !! as `look_outputs` tells (lane, value)
+        real(wp), allocatable :: value(:, :)           !! the first, as `look_outputs` tells: of assemblies and energies (lane, value)
         logical :: counts = .false.                    !! else the record is not sure of one
     end type seen_lanes
 
@@ -105,7 +105,7 @@ contains
         look%angle = angles_seen(model)
         look%by_nobody = spread(.false., 1, model%n_actuator)
         call wire_looks(recorded, columns_of_states(model, look%record%wires), look%by_columns)
-        allocate (look%of_lanes%value(lanes, recorded%look%n))
+        allocate (look%of_lanes%value(lanes, recorded%look%n_of_assembly))
     end subroutine use_looks
 
     !> Which joint variables are seen as angles.
@@ -193,21 +193,20 @@ contains
         logical, intent(in) :: matters(lanes)
         type(carried_assembly), intent(in) :: assembly
         type(forward_look), intent(inout) :: look
-        real(wp) :: ahead(lanes)
-        logical :: doubtful(lanes)
+        real(wp), dimension(lanes) :: ahead, doubt
         integer :: m
 
         call look_at_lanes(model, layout, t, y, turns, assembly, look)
         ahead = t - assembly%t
-        doubtful = look%record%samples%is_left(:lanes)
-        call leave_far(model, layout, assembly, lanes, y, doubtful)
+        doubt = 0
+        call doubt_far(model, layout, assembly, lanes, lanes, y, doubt)
         associate (seen => look%of_lanes%value, out => look%record%recorded%look)
             do m = 1, model%n_branch
                 call note_doubt(lanes, model%scene%passes_change_points, model%least_margin(m), assembly%margin(:, m), &
-                                assembly%drift(:, m), seen(:, out%margin + m - 1), seen(:, out%drift + m - 1), ahead, doubtful)
+                                assembly%drift(:, m), seen(:, out%margin + m - 1), seen(:, out%drift + m - 1), ahead, doubt)
             end do
         end associate
-        look%of_lanes%counts = .not. any(doubtful .and. matters)
+        look%of_lanes%counts = .not. any((look%record%samples%is_left(:lanes) .or. doubt > 0) .and. matters)
     end subroutine see_lanes
 
     !> The same of places along one way, the first of which is on the accepted assembly. Nothing of it counts unless each next place is as
@@ -221,22 +220,21 @@ contains
         type(carried_assembly), intent(in) :: assembly
         type(forward_look), intent(inout) :: look
         integer, parameter :: n_step = lanes - 1
-        real(wp) :: step(n_step)
-        logical :: doubtful(n_step)
+        real(wp), dimension(n_step) :: step, doubt
         integer :: m
 
         call look_at_lanes(model, layout, t, y, turns, assembly, look)
         step = t(2:) - t(:n_step)
-        doubtful = look%record%samples%is_left(2:lanes)
+        doubt = 0
         associate (seen => look%of_lanes%value, out => look%record%recorded%look)
             do m = 1, model%n_branch
                 associate (margin => seen(:, out%margin + m - 1), drift => seen(:, out%drift + m - 1))
                     call note_doubt(n_step, .false., model%least_margin(m), margin(:n_step), drift(:n_step), margin(2:), &
-                                    drift(2:), step, doubtful)
+                                    drift(2:), step, doubt)
                 end associate
             end do
         end associate
-        look%of_lanes%counts = .not. (any(doubtful) .or. look%record%samples%is_left(1))
+        look%of_lanes%counts = .not. (any(doubt > 0) .or. any(look%record%samples%is_left(:lanes)))
     end subroutine see_way
 
     subroutine look_at_lanes(model, layout, t, y, turns, assembly, look)
@@ -250,7 +248,7 @@ contains
 
         look%is_there = .false.
         if (look%record%motion_stands_still) then
-            call place_still(model, assembly, lanes, y, look%record)
+            call place_still(model, layout, assembly, lanes, lanes, y, look%record)
         else
             call place_states(model, layout, assembly, lanes, t, y, turns, look%by_nobody, look%record)
         end if

@@ -14,7 +14,7 @@ module linkdyn_forward_record
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_sizes, only: sizes_on_lanes
+    use linkdyn_lane_sizes, only: find_sizes
     use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants, motion_at_instants
     use linkdyn_led_groups, only: lead_places
     use linkdyn_look_program, only: look_choice
@@ -24,7 +24,7 @@ module linkdyn_forward_record
     use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
-        free_rate_samples, run_rates, apply_laws, take_measures
+        free_rate_samples, run_rates, run_columns_of_states, apply_laws, take_measures
     use linkdyn_recorded_motors, only: settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
@@ -37,8 +37,10 @@ module linkdyn_forward_record
     public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, use_forward_rates, &
         free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
-        leave_doubtful, leave_far, keep_stages, apply_record_laws, measure_states, run_losing, &
+        leave_doubtful, doubt_far, keep_stages, apply_record_laws, measure_states, run_losing, &
         is_led_there, accept_recorded
+
+    real(wp), parameter :: unknown_branch = 0      ! branches are 1 or -1
 
     !> The record that a run uses, and its samples of it.
     type :: forward_record
@@ -46,6 +48,8 @@ module linkdyn_forward_record
         type(rate_samples) :: samples
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
+        real(wp), allocatable, private :: branch(:, :) !! of the samples as lanes have them; the first is unknown: others have been there
+                                                       !! since (lane, n_branch)
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
         type(state_wires) :: wires
         logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as they are
@@ -214,6 +218,7 @@ contains
         if (places_groups(record%recorded)) call prepare_stage_places(model, record%stage)
         call lay_wires(model, layout, record%recorded%out, record%wires)
         allocate (record%given_force(lanes, model%n_actuator), source=0.0_wp)
+        allocate (record%branch(lanes, model%n_branch), source=unknown_branch)
         allocate (record%constant(model%n_actuator), source=0.0_wp)
         allocate (record%followed(model%n_actuator), source=0)
         allocate (record%sprung(0), record%timed(0))
@@ -271,9 +276,9 @@ contains
         integer :: i
 
         associate (samples => record%samples, wires => record%wires)
-            call leave_no_number(n, y, samples%is_left)
+            call leave_no_number(n, size(y, 1), size(y, 2), y, samples%is_left)
             samples%are_new = .true.
-            call take_branches(model, assembly, n, samples%branch, samples%are_new)
+            call place_branches(model, assembly, n, record)
             if (.not. record%by_columns) call carry_states(n, y, record)
             call carry_with_turns(wires%counted, n, y, turns, samples%counted)
             samples%t(:n) = t(:n)
@@ -305,16 +310,48 @@ contains
     end subroutine place_turns
 
     !> The same where nothing but states and branches changes.
-    subroutine place_still(model, assembly, n, y, record)
+    subroutine place_still(model, layout, assembly, n, stride, y, record)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: n
+        integer, intent(in) :: stride                  !! from one column of y to the next
+        real(wp), intent(in) :: y(stride, layout%n)    !! (lane, n)
+        type(forward_record), intent(inout) :: record
+
+        call leave_no_number(n, stride, layout%n, y, record%samples%is_left)
+        call place_branches(model, assembly, n, record)
+    end subroutine place_still
+
+    !> The branches on which states are tried: on all lanes mostly those that they were tried on before.
+    subroutine place_branches(model, assembly, n, record)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
         type(forward_record), intent(inout) :: record
 
-        call leave_no_number(n, y, record%samples%is_left)
+        if (model%n_branch == 0) return
+        if (.not. (n == lanes .and. assembly%is_needed)) then
+            record%branch(1, 1) = unknown_branch
+        else if (are_same(model%n_branch, record%branch, assembly%branch)) then
+            return
+        else
+            record%branch = assembly%branch
+        end if
         call take_branches(model, assembly, n, record%samples%branch, record%samples%are_new)
-    end subroutine place_still
+    end subroutine place_branches
+
+    pure logical function are_same(n, a, b)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(lanes, n), b(lanes, n)
+        integer :: k, n_other
+
+        n_other = 0
+        do k = 1, n
+            n_other = n_other + count(a(:, k) /= b(:, k))
+        end do
+        are_same = n_other == 0
+    end function are_same
 
     !> Into the samples, for whoever asks other programs than that of the rates.
     subroutine carry_states(n, y, record)
@@ -330,14 +367,17 @@ contains
     end subroutine carry_states
 
     !> What is no number must not pass through a choice of the record.
-    pure subroutine leave_no_number(n, y, is_left)
-        integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
-        logical, intent(inout) :: is_left(:)
+    pure subroutine leave_no_number(n, stride, n_y, y, is_left)
+        integer, intent(in) :: n, n_y
+        integer, intent(in) :: stride                  !! from one column of y to the next
+        real(wp), intent(in) :: y(stride, n_y)         !! (lane, n)
+        logical, intent(inout) :: is_left(n)
+        real(wp) :: sizes(lanes)
         integer :: lane
 
-        if (n == lanes) then
-            is_left = .not. sizes_on_lanes(size(y, 2), y) <= huge(1.0_wp)
+        if (n == lanes .and. stride == lanes) then
+            call find_sizes(n_y, y, sizes)
+            is_left = .not. sizes(:n) <= huge(1.0_wp)
         else
             do lane = 1, n
                 is_left(lane) = .not. sum(abs(y(lane, :))) <= huge(1.0_wp)
@@ -517,52 +557,55 @@ contains
 
     !> States are left that a mechanism may have left its assembly on the way to, of the first n that the record was run on last. Judged
     !> as lanes are.
-    pure subroutine leave_doubtful(model, assembly, n, t, record)
+    pure subroutine leave_doubtful(model, assembly, n, t, doubt, record)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
-        real(wp), intent(in) :: t(:)                   !! [s] (lane)
+        real(wp), intent(in) :: t(n)                   !! [s]
+        real(wp), intent(inout) :: doubt(n)            !! not 0 where there is some already: see `doubt_far`
         type(forward_record), intent(inout) :: record
-        real(wp), dimension(lanes) :: ahead, now, drift_now
-        logical :: doubtful(lanes)
-        integer :: m, g
+        real(wp), dimension(lanes) :: ahead, now, drift_now, of_group
+        integer :: m, g, lane
 
-        ahead(:n) = t(:n) - assembly%t(:n)
+        ahead(:n) = t - assembly%t(:n)
         associate (samples => record%samples, out => record%recorded%out, passes => model%scene%passes_change_points)
             do m = 1, model%n_branch
                 call note_doubt(n, passes, model%least_margin(m), assembly%margin(:, m), assembly%drift(:, m), &
-                                samples%found(:, out%margin + m - 1), samples%found(:, out%drift + m - 1), ahead, &
-                                samples%is_left)
+                                samples%found(:, out%margin + m - 1), samples%found(:, out%drift + m - 1), ahead, doubt)
             end do
             do g = 1, merge(size(model%group), 0, places_groups(record%recorded))
                 m = model%n_branch + g
                 now(:n) = samples%group_margin(g, :n)
                 drift_now(:n) = secant(assembly%margin(:n, m), now(:n), ahead(:n))
-                doubtful = .false.
+                of_group(:n) = 0
                 call note_doubt(n, passes, model%least_margin(m), assembly%margin(:, m), assembly%drift(:, m), now, drift_now, &
-                                ahead, doubtful)
-                samples%is_left(:n) = samples%is_left(:n) .or. (doubtful(:n) .and. .not. record%is_led(:n))
+                                ahead, of_group)
+                where (.not. record%is_led(:n)) doubt = doubt + of_group(:n)
+            end do
+            do lane = 1, n
+                samples%is_left(lane) = merge(.true., samples%is_left(lane), doubt(lane) > 0)
             end do
         end associate
     end subroutine leave_doubtful
 
-    !> States are left that lie so far from the accepted one that they do not tell of the assembly.
-    pure subroutine leave_far(model, layout, assembly, n, y, is_left)
+    !> Doubt grows where states lie so far from the accepted one that they do not tell of the assembly.
+    pure subroutine doubt_far(model, layout, assembly, n, stride, y, doubt)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
         integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
-        logical, intent(inout) :: is_left(:)           !! (lane)
+        integer, intent(in) :: stride                  !! from one column of y to the next
+        real(wp), intent(in) :: y(stride, layout%n)    !! (lane, n)
+        real(wp), intent(inout) :: doubt(n)
         integer :: k
 
         if (model%n_branch == 0) return
         do k = 1, model%n_q
             associate (p => layout%position(k))
-                if (p > 0) call note_far(n, assembly%q(:, k), y(:, p), model%stride(k), is_left)
+                if (p > 0) call note_far(n, assembly%q(:, k), y(:, p), model%stride(k), doubt)
             end associate
         end do
-    end subroutine leave_far
+    end subroutine doubt_far
 
     !> Go on from the first sample, an accepted state that leaves no doubt that it is on the accepted assembly: one for all lanes.
     !> `assembly%state` holds its coordinates.
@@ -664,34 +707,45 @@ contains
     end subroutine run_losing
 
     !> Run the first n states; ask `samples%is_left` which do not count.
-    subroutine run_states(n, record, y, laws_are_there)
+    subroutine run_states(n, record, stride, y, laws_are_there)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
+        integer, intent(in) :: stride                  !! from one column of y to the next
+        real(wp), intent(in) :: y(stride, *)           !! (lane, n)
         logical, intent(in) :: laws_are_there          !! `apply_record_laws` has been called
 
         if (record%by_columns) then
-            call run_rates(record%recorded, n, record%samples, laws_are_there, record%wiring, y)
+            call run_columns_of_states(record%recorded, record%wiring, n, stride, y, record%samples)
         else
             call run_rates(record%recorded, n, record%samples, laws_are_there)
         end if
     end subroutine run_states
 
     !> What has been found of the first n states: accelerations, and all rates of y that the record knows of.
-    subroutine take_rates(n, record, y, acceleration, rate)
-        integer, intent(in) :: n
+    subroutine take_rates(n, record, stride, y, n_q, acceleration, rate)
+        integer, intent(in) :: n, n_q
         type(forward_record), intent(in) :: record
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
-        real(wp), intent(inout), contiguous :: acceleration(:, :)      !! (lane, n_q); lanes beyond n are like lane n
-        real(wp), intent(inout), contiguous :: rate(:, :)      !! (lane, n)
+        integer, intent(in) :: stride                  !! from one column of y and its rates to the next
+        real(wp), intent(in) :: y(stride, *)           !! (lane, n)
+        real(wp), intent(inout) :: acceleration(lanes, n_q)    !! lanes beyond n are like lane n
+        real(wp), intent(inout) :: rate(stride, *)     !! (lane, n)
         integer :: k
 
         associate (found => record%samples%found, first => record%recorded%out%acceleration)
-            do k = 1, size(acceleration, 2)
-                acceleration(:n, k) = found(:n, first + k - 1)
-                acceleration(n + 1:, k) = found(n, first + k - 1)
+            do k = 1, n_q
+                call copy_lanes(n, found(:, first + k - 1), acceleration(:, k))
             end do
-            call rates_of_states(record%wires, n, y, found, rate)
+            call rates_of_states(record%wires, n, stride, y, size(found, 1), found, rate)
         end associate
     end subroutine take_rates
+
+    !> Numbers of the first n lanes; further ones are like the last of these.
+    pure subroutine copy_lanes(n, from, to)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: from(n)
+        real(wp), intent(inout) :: to(lanes)
+
+        to(:n) = from
+        to(n + 1:) = from(n)
+    end subroutine copy_lanes
 end module linkdyn_forward_record

@@ -242,8 +242,8 @@ contains
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t(lanes)              !! [s]
-        real(wp), intent(in) :: y(:, :)               !! (lane, n)
-        real(wp), intent(in) :: turns(:, :)           !! of angles that are not in y (lane, n)
+        real(wp), intent(in), contiguous :: y(:, :)   !! (lane, n)
+        real(wp), intent(in), contiguous :: turns(:, :)       !! of angles that are not in y (lane, n)
         type(kinematic_state), intent(inout) :: state
         integer :: k, p
 

@@ -173,12 +173,12 @@ module linkdyn_forward_system
             real(wp), intent(in) :: t                      !! [s]
         end subroutine make_record
 
-        module subroutine evaluate_by_record(self, t, y, rate, is_left)
+        module subroutine evaluate_by_record(self, n_lane, t, y, rate, is_left)
             class(forward_system), intent(inout) :: self
-            real(wp), intent(in) :: t(:)                   !! of the lanes used at least, as the others
-            real(wp), intent(in), contiguous :: y(:, :)
-            real(wp), intent(inout), contiguous :: rate(:, :)
-            logical, intent(inout) :: is_left(:)           !! that the record does not serve
+            integer, intent(in) :: n_lane                  !! of the arrays: those used at least
+            real(wp), intent(in) :: t(n_lane), y(n_lane, self%n)
+            real(wp), intent(inout) :: rate(n_lane, self%n)
+            logical, intent(inout) :: is_left(n_lane)      !! that the record does not serve
         end subroutine evaluate_by_record
 
         ! ---- linkdyn_forward_memory
@@ -208,14 +208,14 @@ module linkdyn_forward_system
         module logical function sees_accepted(self, t, y, is_accepted)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
+            real(wp), intent(in), contiguous :: y(:, :)
             logical, intent(in) :: is_accepted(lanes)
         end function sees_accepted
 
         module logical function accept_by_look(self, t, y, is_accepted) result(is_done)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
+            real(wp), intent(in), contiguous :: y(:, :)
             logical, intent(in) :: is_accepted(lanes)
         end function accept_by_look
 
@@ -229,7 +229,7 @@ module linkdyn_forward_system
         module logical function accept_lanes_by_look(self, t, y, is_accepted) result(is_done)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
+            real(wp), intent(in), contiguous :: y(:, :)
             logical, intent(in) :: is_accepted(lanes)
         end function accept_lanes_by_look
 
@@ -545,7 +545,7 @@ contains
     subroutine begin(self, t, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
-        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in), contiguous :: y(:, :)
 
         call begin_assembly(self%model, t, self%way%assembly)
         self%way%angles%t = t
@@ -574,7 +574,7 @@ contains
         class(forward_system), intent(inout) :: self
         type(forward_system), intent(in) :: other
         real(wp), intent(in) :: t                      !! [s]
-        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in), contiguous :: y(:, :)
 
         call begin_assembly(self%model, t, self%way%assembly)
         self%way%assembly%n_crossed = other%way%assembly%n_crossed
@@ -650,7 +650,7 @@ contains
             return
         end if
         associate (n => self%n_used)
-            call evaluate_by_record(self, t, y, rate, is_left)
+            call evaluate_by_record(self, lanes, t, y, rate, is_left)
             if (self%has_cylinders) is_left(:n) = is_left(:n) .or. self%cylinders%impossible(:n) > 0
             is_left(n + 1:) = is_left(n)
         end associate
@@ -703,7 +703,7 @@ contains
         logical, intent(out) :: is_left
         logical :: lane_is_left(1)
 
-        call evaluate_by_record(self, t, y, rate, lane_is_left)
+        call evaluate_by_record(self, 1, t, y, rate, lane_is_left)
         is_left = lane_is_left(1) .or. .not. sum(abs(rate)) <= huge(1.0_wp)
         if (self%has_cylinders) is_left = is_left .or. self%cylinders%impossible(1) > 0
         if (.not. is_left) call note_evaluated(self, t(1), y(1, :))
@@ -934,7 +934,7 @@ contains
     subroutine accept_forward(self, t, y, is_accepted)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
-        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in), contiguous :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
         real(wp), dimension(lanes) :: energy, kinetic
         logical :: is_seen

@@ -345,13 +345,15 @@ contains
         integer, intent(in) :: n
         type(motion_forces), intent(inout) :: forces
         real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator)
+        real(wp) :: doubt(n)
         integer :: lane, i
 
         call close_states(forces%model, forces%assembly, n, forces%record)
         associate (recorded => forces%record%recorded, samples => forces%record%samples)
             call run_rates(recorded, n, samples)
             if (forces%assembly%is_needed) then
-                call leave_doubtful(forces%model, forces%assembly, n, t, forces%record)
+                doubt = 0
+                call leave_doubtful(forces%model, forces%assembly, n, t, doubt, forces%record)
                 call keep_stages(forces%assembly, n, forces%record)
             end if
             do i = 1, size(force, 2)

@@ -121,23 +121,26 @@ contains
     end subroutine carry_with_turns
 
     !> dy/dt of the first n states, as far as the record finds it.
-    pure subroutine rates_of_states(wires, n, y, found, rate)
+    pure subroutine rates_of_states(wires, n, stride, y, room, found, rate)
         type(state_wires), intent(in) :: wires
         integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: y(:, :)    !! (lane, n)
-        real(wp), intent(in), contiguous :: found(:, :)        !! as `rate_outputs` tells (lane, number)
-        real(wp), intent(inout), contiguous :: rate(:, :)      !! (lane, n)
+        integer, intent(in) :: stride                  !! of y and its rates
+        real(wp), intent(in) :: y(stride, *)           !! (lane, n)
+        integer, intent(in) :: room                    !! lanes of what has been found
+        real(wp), intent(in) :: found(room, *)         !! as `rate_outputs` tells (lane, number)
+        real(wp), intent(inout) :: rate(stride, *)     !! (lane, n)
 
-        call copy(wires%of_places, n, y, rate)
-        call copy(wires%found, n, found, rate)
+        call copy(wires%of_places, n, stride, y, stride, rate)
+        call copy(wires%found, n, room, found, stride, rate)
     end subroutine rates_of_states
 
     !> Columns of the first n lanes along wires.
-    pure subroutine copy(wires, n, x, to)
+    pure subroutine copy(wires, n, room, x, stride, to)
         type(wire), intent(in) :: wires(:)
         integer, intent(in) :: n
-        real(wp), intent(in), contiguous :: x(:, :)    !! (lane, number)
-        real(wp), intent(inout), contiguous :: to(:, :)        !! (lane, number)
+        integer, intent(in) :: room, stride            !! from one column to the next
+        real(wp), intent(in) :: x(room, *)             !! (lane, number)
+        real(wp), intent(inout) :: to(stride, *)       !! (lane, number)
         integer :: i, lane, from, into
 
         do i = 1, size(wires)

@@ -390,7 +390,7 @@ contains
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: h, t_end
-        real(wp), intent(inout) :: y(:, :)
+        real(wp), intent(inout), contiguous :: y(:, :)
         integer, parameter :: most_parts = 1000        !! of one step: guards that cross more often do so without end
         integer, parameter :: most_idle = 30           !! of them without getting on
         type(rk4_taken) :: taken

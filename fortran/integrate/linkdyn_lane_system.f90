@@ -212,7 +212,7 @@ contains
     subroutine accept(self, t, y, is_accepted)
         class(lane_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
-        real(wp), intent(in) :: y(:, :)                   !! (lane, n)
+        real(wp), intent(in), contiguous :: y(:, :)       !! (lane, n)
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
 

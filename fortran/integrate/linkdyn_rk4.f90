@@ -7,7 +7,7 @@ module linkdyn_rk4
     use linkdyn_exact_sum, only: add_all_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_sizes, only: sizes_on_lanes
+    use linkdyn_lane_sizes, only: find_sizes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_whole_turns, only: whole_turns, take_off, may_have_turns
     implicit none (type, external)
@@ -119,34 +119,29 @@ contains
         logical :: stage_failed(lanes)
         integer :: i
 
-        failed = .false.
-        call copy(system%n, y, work%begin)
-        call copy(system%n, y, work%stage)
-        do i = 1, 4
-            if (i > 1) call go_ahead(system%n, part(i)*h, work%begin, work%rate, work%stage)
+        work%begin = y
+        call system%evaluate(t, y, work%first, failed)
+        if (all(failed)) return                        ! which is what has been evaluated last: it tells why
+        do i = 2, 4
+            if (i == 2) then
+                call go_ahead(system%n, part(i)*h, work%begin, work%first, work%stage)
+            else
+                call go_ahead(system%n, part(i)*h, work%begin, work%rate, work%stage)
+            end if
             instant = t + part(i)*h
             ! what begins where the step ends is not part of it
             if (i == 4) instant = max(t, instant - rounding*abs(instant))
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
-            if (all(failed)) return                    ! which is what has been evaluated last: it tells why
-            if (i == 1) then
-                call copy(system%n, work%rate, work%first)
-                call copy(system%n, work%rate, work%total)
+            if (all(failed)) return
+            if (i == 2) then
+                call add_two(system%n, weight(i), work%first, work%rate, work%total)
             else
                 call add_weighted(system%n, weight(i), work%rate, work%total)
             end if
         end do
         call finish(system%n, h, work%begin, work%total, work%rest, y, failed)
     end subroutine rk4_step
-
-    pure subroutine copy(n, from, to)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: from(lanes, n)
-        real(wp), intent(inout) :: to(lanes, n)
-
-        to = from
-    end subroutine copy
 
     !> To a stage.
     pure subroutine go_ahead(n, h, y, rate, stage)
@@ -159,6 +154,15 @@ contains
             stage(:, k) = y(:, k) + h*rate(:, k)
         end do
     end subroutine go_ahead
+
+    !> Rates at the beginning and at the second stage.
+    pure subroutine add_two(n, weight, first, rate, total)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: weight, first(lanes, n), rate(lanes, n)
+        real(wp), intent(inout) :: total(lanes, n)
+
+        total = first + weight*rate
+    end subroutine add_two
 
     pure subroutine add_weighted(n, weight, rate, total)
         integer, intent(in) :: n
@@ -177,13 +181,15 @@ contains
         real(wp), intent(inout) :: rest(lanes, n)      !! to be added to y, less than its last place
         real(wp), intent(inout) :: y(lanes, n)
         logical, intent(inout) :: failed(lanes)
+        real(wp) :: sizes(lanes)
         integer :: k
 
         do k = 1, n
             total(:, k) = (h/6)*total(:, k) + rest(:, k)
         end do
         call add_all_exactly(lanes*n, total, y, rest)
-        failed = failed .or. .not. sizes_on_lanes(n, y) <= huge(1.0_wp)
+        call find_sizes(n, y, sizes)
+        failed = failed .or. .not. sizes <= huge(1.0_wp)
         if (.not. any(failed)) return
         do k = 1, n
             y(:, k) = merge(begin(:, k), y(:, k), failed)

@@ -395,33 +395,30 @@ contains
         real(wp), intent(in) :: least_margin
         real(wp), intent(in) :: before, drift_before        !! where the mechanism stands; rate per step
         real(wp), intent(in) :: now, drift_now              !! where it was tried
-        logical :: is_doubtful(1)
+        real(wp) :: doubt(1)
 
-        is_doubtful = .false.
-        call doubt_unsound(1, least_margin, [before], [drift_before], [now], [drift_now], [1.0_wp], is_doubtful)
-        is_sound = .not. is_doubtful(1)
+        doubt = 0
+        call doubt_unsound(1, least_margin, [before], [drift_before], [now], [drift_now], [1.0_wp], doubt)
+        is_sound = .not. doubt(1) > 0
     end function is_step_sound
 
-    !> On lanes, of one map: where it may not be believed something is in doubt. Written without branches: it takes a vector at a time.
-    pure subroutine doubt_unsound(n, least_margin, before, drift_before, now, drift_now, step, is_doubtful)
+    !> On lanes, of one map: where it may not be believed doubt grows, which is 0 where nothing speaks against it. A number, and written
+    !> without branches: it takes a vector at a time.
+    pure subroutine doubt_unsound(n, least_margin, before, drift_before, now, drift_now, step, doubt)
         integer, intent(in) :: n                            !! lanes
         real(wp), intent(in) :: least_margin
         real(wp), intent(in), dimension(n) :: before, drift_before, now, drift_now     !! rates per unit of the steps
         real(wp), intent(in) :: step(n)
-        logical, intent(inout) :: is_doubtful(n)
-        real(wp) :: against(lanes)                          !! 0: nothing speaks against it; numbers, reckoned with side by side
+        real(wp), intent(inout) :: doubt(n)
         integer :: lane
 
         do lane = 1, n
             associate (leads_to => before(lane)*(before(lane) + look_ahead*(step(lane)*drift_before(lane))), &
                        comes_from => now(lane)*(now(lane) - look_ahead*(step(lane)*drift_now(lane))))
-                against(lane) = merge(1.0_wp, 0.0_wp, abs(before(lane)) > least_margin) &
-                                *(merge(0.0_wp, 1.0_wp, leads_to > 0) + merge(1.0_wp, 0.0_wp, before(lane)*now(lane) < 0)) &
-                                + merge(1.0_wp, 0.0_wp, abs(now(lane)) > least_margin)*merge(0.0_wp, 1.0_wp, comes_from > 0)
+                doubt(lane) = doubt(lane) + merge(1.0_wp, 0.0_wp, abs(before(lane)) > least_margin) &
+                              *(merge(0.0_wp, 1.0_wp, leads_to > 0) + merge(1.0_wp, 0.0_wp, before(lane)*now(lane) < 0)) &
+                              + merge(1.0_wp, 0.0_wp, abs(now(lane)) > least_margin)*merge(0.0_wp, 1.0_wp, comes_from > 0)
             end associate
-        end do
-        do lane = 1, n
-            is_doubtful(lane) = merge(.true., is_doubtful(lane), against(lane) > 0)
         end do
     end subroutine doubt_unsound
 end module linkdyn_following

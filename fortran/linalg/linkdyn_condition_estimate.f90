@@ -7,7 +7,7 @@
 module linkdyn_condition_estimate
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_sizes, only: sizes_on_lanes
+    use linkdyn_lane_sizes, only: find_sizes
     implicit none (type, external)
     private
     public :: linear_solver, estimate_inverse_norm
@@ -46,7 +46,7 @@ contains
         allocate (x(lanes, n), direction(lanes, n))
         x = 1/real(n, wp)
         call multiply()
-        norm = sizes_on_lanes(n, x)
+        call find_sizes(n, x, norm)
         is_active = norm > 0                     ! and not NaN
         direction = sign(1.0_wp, x)
         call find_column()
@@ -56,7 +56,7 @@ contains
                 x(i, column(i)) = 1
             end do
             call multiply()
-            found = sizes_on_lanes(n, x)
+            call find_sizes(n, x, found)
             is_same = .true.
             do i = 1, n
                 is_same = is_same .and. sign(1.0_wp, x(:, i)) == direction(:, i)
@@ -76,7 +76,8 @@ contains
             x(:, i) = (1 + real(i - 1, wp)/max(1, n - 1))*merge(1, -1, modulo(i, 2) == 1)
         end do
         call multiply()
-        found = 2*sizes_on_lanes(n, x)/(3*n)
+        call find_sizes(n, x, found)
+        found = 2*found/(3*n)
         where (found > norm) norm = found
 
     contains

@@ -29,7 +29,7 @@ module linkdyn_look_program
         integer, allocatable :: angle(:, :)            !! joint and place of joint angles that are wanted with their rates (2, angle)
     end type look_choice
 
-    !> Where everything begins among the outputs of a sample.
+    !> Where everything begins among the outputs of a sample. What tells assemblies and energies comes first, and can be had alone.
     type :: look_outputs
         integer :: n = 0
         integer :: kinetic = 0                 !! energy of links and rotors [J]
@@ -38,6 +38,7 @@ module linkdyn_look_program
         integer :: reach = 0                   !! not above zero: a loop does not close, or hardly
         integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
         integer :: drift = 0                   !! its rate [1/s] (n_branch)
+        integer :: n_of_assembly = 0           !! numbers up to here
         integer :: rate = 0                    !! of joints [rad/s, m/s], then of links (joint + 3 link)
         integer :: acceleration = 0            !! likewise [rad/s2, m/s2]
         integer :: compared = 0                !! rates for a unit rate of a coordinate (variable, coordinate)
@@ -74,10 +75,12 @@ contains
             compared = compared_rates(traced, choice)
             call measure_angles(traced, choice, angle, spin)
             call add_output(list, out_looks, [kinetic, kinetic + gravity_energy(traced%mechanism), alarm_of(traced), &
-                                              reach_of(traced), margin, drift, rate, acceleration, compared, angle, spin])
+                                              reach_of(traced), margin, drift])
+            call add_output(list, out_looks, [rate, acceleration, compared, angle, spin])
             call make_scene_program(record, traced%in, list, program)
             out = look_outputs(n=size(list%v), kinetic=1, energy=2, alarm=3, reach=4, margin=5, drift=5 + model%n_branch)
-            out%rate = out%drift + model%n_branch
+            out%n_of_assembly = list%n(1)
+            out%rate = out%n_of_assembly + 1
             out%acceleration = out%rate + size(rate)
             out%compared = out%acceleration + size(acceleration)
             out%angle = out%compared + size(compared)

@@ -26,7 +26,7 @@ module linkdyn_recorded_rates
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
-        run_rates, apply_laws, take_measures, run_looks, wire_looks, run_looks_on_lanes
+        run_rates, run_columns_of_states, apply_laws, take_measures, run_looks, wire_looks, run_looks_on_lanes
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
@@ -248,19 +248,15 @@ contains
         end associate
     end subroutine take_measures
 
-    !> Run the first n samples, but those that are left already; says which others are. A part of the inputs may come from columns in
-    !> place of the samples, unless something rubs.
-    subroutine run_rates(recorded, n, samples, laws_are_there, wiring, columns, lossy)
+    !> Run the first n samples, but those that are left already; says which others are.
+    subroutine run_rates(recorded, n, samples, laws_are_there, lossy)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
         logical, intent(in), optional :: laws_are_there    !! `apply_laws` has been called for these samples; absent: false
-        type(input_wiring), intent(in), optional :: wiring     !! absent: all from the samples
-        real(wp), intent(in), contiguous, optional :: columns(:, :)    !! that it speaks of (sample, column)
         type(lossy_samples), intent(inout), optional :: lossy  !! where something rubs: what is lost settles with it
         real(wp) :: none(1, 1)
         logical :: has_laws
-        integer :: i
 
         if (all(samples%is_left(:n))) return
         has_laws = .false.
@@ -268,21 +264,40 @@ contains
         if (.not. has_laws) call apply_laws(recorded, n, samples)
         if (recorded%friction%is_made) then
             call run_rubbing(recorded, n, samples, lossy)
-        else if (present(wiring)) then
-            call run_wired(recorded%program, wiring, samples%arrays, samples%are_new, size(columns, 1), columns, n, samples%one, &
-                           samples%block, size(samples%found, 1), samples%found, samples%is_left)
-            samples%are_new = .false.
         else
             call run_wired(recorded%program, recorded%of_samples, samples%arrays, .true., 1, none, n, samples%one, &
-                           samples%block, size(samples%found, 1), samples%found, samples%is_left)
+                           samples%block, size(samples%found, 1), size(samples%found, 2), samples%found, samples%is_left)
         end if
-        ! Written so that what is no number counts as an alarm.
-        associate (alarm => samples%found(:, recorded%out%alarm), reach => samples%found(:, recorded%out%reach))
-            do i = 1, n
-                samples%is_left(i) = merge(samples%is_left(i), .true., alarm(i) <= 1 .and. reach(i) > 0)
-            end do
-        end associate
+        call leave_alarmed(n, samples%found(:, recorded%out%alarm), samples%found(:, recorded%out%reach), samples%is_left)
     end subroutine run_rates
+
+    !> The same of samples of which states come in columns. Nothing rubs, and no law hangs on states.
+    subroutine run_columns_of_states(recorded, wiring, n, stride, columns, samples)
+        type(recorded_rates), intent(in) :: recorded
+        type(input_wiring), intent(in) :: wiring
+        integer, intent(in) :: n
+        integer, intent(in) :: stride                      !! from one column to the next
+        real(wp), intent(in) :: columns(stride, *)         !! that the wiring speaks of (sample, column)
+        type(rate_samples), intent(inout), target :: samples
+
+        if (all(samples%is_left(:n))) return
+        call run_wired(recorded%program, wiring, samples%arrays, samples%are_new, stride, columns, n, samples%one, &
+                       samples%block, size(samples%found, 1), size(samples%found, 2), samples%found, samples%is_left)
+        samples%are_new = .false.
+        call leave_alarmed(n, samples%found(:, recorded%out%alarm), samples%found(:, recorded%out%reach), samples%is_left)
+    end subroutine run_columns_of_states
+
+    !> Samples are left at which a record raises its alarm. Written so that what is no number counts as one.
+    pure subroutine leave_alarmed(n, alarm, reach, is_left)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: alarm(n), reach(n)
+        logical, intent(inout) :: is_left(n)
+        integer :: i
+
+        do i = 1, n
+            is_left(i) = merge(is_left(i), .true., alarm(i) <= 1 .and. reach(i) > 0)
+        end do
+    end subroutine leave_alarmed
 
     !> The same where something rubs: what presses is settled first.
     subroutine run_rubbing(recorded, n, samples, lossy)
@@ -378,8 +393,8 @@ contains
         real(wp), intent(inout), contiguous :: seen(:, :)      !! (lane, value)
 
         call run_wired(recorded%looks, wiring, samples%arrays, samples%are_new, size(columns, 1), columns, size(columns, 1), &
-                       samples%one_seen, samples%block_seen, size(seen, 1), seen, samples%is_left)
+                       samples%one_seen, samples%block_seen, size(seen, 1), size(seen, 2), seen, samples%is_left)
         samples%are_new = .false.
-        samples%is_left = samples%is_left .or. .not. (seen(:, recorded%look%alarm) <= 1 .and. seen(:, recorded%look%reach) > 0)
+        call leave_alarmed(size(seen, 1), seen(:, recorded%look%alarm), seen(:, recorded%look%reach), samples%is_left)
     end subroutine run_looks_on_lanes
 end module linkdyn_recorded_rates

@@ -47,7 +47,7 @@ module linkdyn_scene_program
     type :: scene_program
         type(program_type) :: program
         type(input_segment), allocatable :: input(:)
-        integer, allocatable :: id(:), first(:), n(:)  !! of the outputs
+        integer, allocatable :: id(:), first(:), n(:)  !! of the outputs; parts of one may be wanted alone: these stand one after the other
         integer :: n_found = 0, first_found = 0        !! numbers of block `in_found`, which stand side by side among the inputs
         type(kernel_type) :: kernel                    !! for whoever wants to read it
         logical :: is_made = .false.
@@ -291,7 +291,7 @@ contains
                 call run_block(program%program, g, space%block, count)
             else
                 column = merge(1, first, target(t)%is_of_block)
-                associate (x => target(t)%x, k1 => begin - program%first(k) + 1)
+                associate (x => target(t)%x, k1 => begin - program%first(has_output(program, program%id(k))) + 1)
                     if (.not. target(t)%is_of_block) call expect(x(k1, column), size(x, 1), n, count)
                     call run_block(program%program, g, space%block, count)
                     call scatter(program%program, space%block, begin, n, x(k1, column), size(x, 1), count, not_finite)
@@ -339,7 +339,6 @@ contains
         integer, intent(in) :: first, count
         type(output_target), intent(in) :: target(:)
         logical, intent(out) :: is_bad(:)              !! (count)
-        real(wp) :: total(most_lanes)
         integer :: g, k, t, begin, n, row, n_wanted
 
         n_wanted = 0
@@ -347,7 +346,7 @@ contains
             k = has_output(program, target(t)%id)
             if (k > 0) n_wanted = max(n_wanted, program%first(k) + program%n(k) - 1)
         end do
-        total(:count) = 0
+        is_bad = .false.
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
@@ -359,13 +358,12 @@ contains
                 row = merge(1, first, target(t)%is_of_block)
                 associate (x => target(t)%x)
                     call take_columns(program%program, space%block, begin, n, count, size(x, 1), &
-                                      x(row, begin - program%first(k) + 1), total)
+                                      x(row, begin - program%first(k) + 1), is_bad)
                 end associate
                 exit
             end do
             begin = begin + n
         end do
-        is_bad(:count) = .not. total(:count) <= huge(1.0_wp)
     end subroutine run_columns
 
     !> Run the loaded samples. What one output finds goes straight to another program, as all of its inputs `in_found`; a second
@@ -377,11 +375,10 @@ contains
         integer, intent(in) :: id                      !! of the first
         type(program_space), intent(inout) :: next_space
         type(output_target), intent(in) :: target      !! of the second
-        real(wp) :: total(most_lanes)                  !! of no matter here
+        logical :: is_bad(most_lanes)                  !! of no matter here
         integer :: g, k, begin, n
 
         call need_block(next, next_space)
-        total(:count) = 0
         k = 1
         begin = 1
         do g = 1, size(program%program%group_end)
@@ -392,7 +389,7 @@ contains
             else if (program%id(k) == target%id) then
                 associate (x => target%x)
                     call take_columns(program%program, space%block, begin, n, count, size(x, 1), &
-                                      x(1, begin - program%first(k) + 1), total)
+                                      x(1, begin - program%first(k) + 1), is_bad(:count))
                 end associate
             end if
             begin = begin + n
@@ -457,7 +454,7 @@ contains
         end associate
     end subroutine load_single
 
-    !> The sample in the slots. All outputs come in their order.
+    !> The sample in the slots. As many outputs as there is room for come in their order.
     subroutine run_loaded_one(program, space, output)
         type(scene_program), intent(in) :: program
         type(program_space), intent(in) :: space
@@ -466,15 +463,16 @@ contains
 
         first = 1
         do g = 1, size(program%program%group_end)
+            if (first > size(output)) exit
             call run_single(program%program, g, space%block)
             call scatter_single(program%program, space%block, first, output(first:program%program%group_end(g)))
             first = program%program%group_end(g) + 1
         end do
     end subroutine run_loaded_one
 
-    !> The first n samples, of which a part of the inputs lies in columns; all outputs go to columns, too, in their order. One sample alone
+    !> The first n samples, of which a part of the inputs lies in columns; outputs go to columns, too, in their order. One sample alone
     !> takes a part of what a block takes. Says in which further samples a number is not finite.
-    subroutine run_wired(program, wiring, arrays, are_new, stride, columns, n, one, block, room, found, is_bad)
+    subroutine run_wired(program, wiring, arrays, are_new, stride, columns, n, one, block, room, n_value, found, is_bad)
         type(scene_program), intent(in) :: program
         type(input_wiring), intent(in) :: wiring
         type(sample_arrays), intent(in) :: arrays
@@ -484,7 +482,8 @@ contains
         integer, intent(in) :: n
         type(program_space), intent(inout) :: one, block
         integer, intent(in) :: room                    !! for samples: from one value to the next
-        real(wp), intent(inout) :: found(room, program%program%n_output)       !! (sample, value)
+        integer, intent(in) :: n_value                 !! wanted, of the first outputs
+        real(wp), intent(inout) :: found(room, n_value)        !! (sample, value)
         logical, intent(inout) :: is_bad(:)            !! (sample)
         integer :: k
 
@@ -543,20 +542,18 @@ contains
 
         subroutine run_groups(first, count)
             integer, intent(in) :: first, count
-            real(wp) :: total(most_lanes)
             integer :: g, begin
 
-            total(:count) = 0
             begin = 1
             do g = 1, size(program%program%group_end)
+                if (begin > n_value) exit
                 associate (end => program%program%group_end(g))
                     call run_block(program%program, g, block%block, count)
                     call take_columns(program%program, block%block, begin, end - begin + 1, count, room, &
-                                      found(first, begin), total)
+                                      found(first, begin), is_bad(first:first + count - 1))
                     begin = end + 1
                 end associate
             end do
-            is_bad(first:first + count - 1) = is_bad(first:first + count - 1) .or. .not. total(:count) <= huge(1.0_wp)
         end subroutine run_groups
     end subroutine run_wired
 end module linkdyn_scene_program

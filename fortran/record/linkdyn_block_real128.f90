@@ -200,18 +200,18 @@ contains
         end do
     end subroutine put_columns
 
-    !> Outputs first, ..., first + m - 1; their sizes are added up, which tells numbers that are none.
-    subroutine take_columns(program, space, first, m, n, stride, x, total)
+    !> Outputs first, ..., first + m - 1 of n samples that stand side by side; says in which of them a number is not finite.
+    subroutine take_columns(program, space, first, m, n, stride, x, is_bad)
         type(program_type), intent(in) :: program
         type(block_space), intent(in) :: space
         integer, intent(in) :: first, m, n, stride
         real(wp), intent(inout) :: x(stride, *)        !! (n or more, m)
-        real(wp), intent(inout) :: total(n)
+        logical, intent(inout) :: is_bad(:)            !! (n) set where a number is not finite
         integer :: k
 
         do k = 1, m
             call take_lanes(program, space, first + k - 1, n, x(1, k))
-            total = total + abs(x(:n, k))
+            is_bad = is_bad .or. .not. ieee_is_finite(x(:n, k))
         end do
     end subroutine take_columns
 

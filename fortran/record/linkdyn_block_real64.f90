@@ -102,6 +102,16 @@ module linkdyn_block
             real(c_double), intent(inout) :: target(*)
             integer(c_int64_t) :: bad
         end function scatter_rows
+
+        function scatter_columns(slot, which, sign, n, target, ld, count) bind(c, name="linkdyn_scatter_columns") result(bad)
+            import :: c_double, c_long, c_int, c_int32_t, c_int64_t, c_ptr
+            type(c_ptr), value :: slot
+            integer(c_int32_t), intent(in) :: which(*), sign(*)
+            integer(c_int), value :: n, count
+            integer(c_long), value :: ld
+            real(c_double), intent(inout) :: target(*)
+            integer(c_int64_t) :: bad
+        end function scatter_columns
     end interface
 
 contains
@@ -218,16 +228,22 @@ contains
         integer, intent(in) :: first, n, stride, count
         real(wp), intent(inout) :: target(*)
         logical, intent(inout) :: is_bad(:)            !! (count) set where a number is not finite
-        integer(c_int64_t) :: bad
+
+        call note_bad(scatter_rows(space%memory, program%output_slot(first:), program%output_sign(first:), n, target, &
+                                   int(stride, c_long), count), count, is_bad)
+    end subroutine scatter
+
+    pure subroutine note_bad(bad, n, is_bad)
+        integer(c_int64_t), intent(in) :: bad          !! one bit a sample
+        integer, intent(in) :: n                       !! samples
+        logical, intent(inout) :: is_bad(:)
         integer :: lane
 
-        bad = scatter_rows(space%memory, program%output_slot(first:), program%output_sign(first:), n, target, &
-                           int(stride, c_long), count)
         if (bad == 0) return
-        do lane = 1, count
+        do lane = 1, n
             if (btest(bad, lane - 1)) is_bad(lane) = .true.
         end do
-    end subroutine scatter
+    end subroutine note_bad
 
     subroutine gather_single(source, first, space)
         real(wp), intent(in) :: source(:)
@@ -296,21 +312,16 @@ contains
         end do
     end subroutine put_columns
 
-    !> Outputs first, ..., first + m - 1; their sizes are added up, which tells numbers that are none.
-    subroutine take_columns(program, space, first, m, n, stride, x, total)
+    !> Outputs first, ..., first + m - 1 of n samples that stand side by side; says in which of them a number is not finite.
+    subroutine take_columns(program, space, first, m, n, stride, x, is_bad)
         type(program_type), intent(in) :: program
         type(block_space), intent(in) :: space
         integer, intent(in) :: first, m, n, stride
         real(wp), intent(inout) :: x(stride, *)        !! (n or more, m)
-        real(wp), intent(inout) :: total(n)
-        integer :: k
+        logical, intent(inout) :: is_bad(:)            !! (n) set where a number is not finite
 
-        do k = 1, m
-            associate (slot => space%slot, k_out => first + k - 1)
-                call copy_signed(n, program%output_sign(k_out), slot(1, program%output_slot(k_out)), x(1, k))
-            end associate
-            call add_sizes(n, x(1, k), total)
-        end do
+        call note_bad(scatter_columns(space%memory, program%output_slot(first:), program%output_sign(first:), m, x, &
+                                      int(stride, c_long), n), n, is_bad)
     end subroutine take_columns
 
     !> Outputs first, ..., first + m - 1 of all lanes, straight to another program's inputs from `input` on.
@@ -359,12 +370,4 @@ contains
             to = -from
         end if
     end subroutine copy_signed
-
-    pure subroutine add_sizes(n, x, total)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: x(n)
-        real(wp), intent(inout) :: total(n)
-
-        total = total + abs(x)
-    end subroutine add_sizes
 end module linkdyn_block

@@ -2,7 +2,7 @@
 !> and that derivatives are derivatives.
 module test_record
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, block_lanes, &
-        run_block, run_single, gather, scatter, gather_single, scatter_single, forms_multiply_adds
+        run_block, run_single, gather, scatter, gather_single, scatter_single, take_columns, forms_multiply_adds
     use linkdyn_folding, only: product_in_any_order
     use linkdyn_gradient, only: gradient
     use linkdyn_interpreter, only: interpret
@@ -33,6 +33,7 @@ contains
                  new_test("random kernels: all interpreters, all lanes, the same bits", test_random_kernels), &
                  new_test("fusing changes a few roundings only", test_fusing), &
                  new_test("sine, cosine, arctangent on lanes", test_lane_functions), &
+                 new_test("columns of results are rows of them", test_columns), &
                  new_test("rates are derivatives", test_rates), &
                  new_test("gradients are derivatives", test_gradients), &
                  new_test("select does not let the road not taken in", test_select_derivative), &
@@ -249,6 +250,51 @@ contains
         call check(error, got(4, 3) == 2 .and. got(4, 4) == 0, "whole numbers: ties to even")
         call check(error, all(abs(got(4, :) - given(1, :)) <= 0.5_wp), "the nearest whole number")
     end subroutine test_lane_functions
+
+    !> Columns take what rows take, of any number of samples, and nothing beside; both tell which samples have a number that is not finite.
+    subroutine test_columns(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n_output = 3, room = 70
+        real(wp), parameter :: untouched = -1234
+        type(record_type), target :: record
+        type(value) :: x(2), output(n_output)
+        type(kernel_type) :: kernel
+        type(program_type) :: program
+        type(block_space) :: space
+        real(wp) :: given(2, room), row(n_output, room), column(room, n_output)
+        logical :: is_bad(room), is_bad_too(room)
+        integer :: n, i
+
+        call open_record(record, 2)
+        x = some_inputs(2)
+        output = [reciprocal(x(1)), -(x(1) + x(2)), sqrt(x(2))]
+        call compile_kernel(record, output, forms_multiply_adds(), kernel)
+        call close_record(record)
+        given = reshape([(1 + abs(number(i)), i=1, size(given))], shape(given))
+        given(1, 2::5) = 0                             ! whose reciprocal is none
+        given(2, 4::7) = -1                            ! nor is its root
+        call make_program(kernel, program)
+        call make_space(program, .false., space)
+        do n = 1, block_lanes()
+            row = untouched
+            column = untouched
+            is_bad = .false.
+            is_bad_too = .false.
+            call gather(given, 2, n, 2, 1, space)
+            call run_block(program, 1, space, n)
+            call scatter(program, space, 1, n_output, row, n_output, n, is_bad)
+            call take_columns(program, space, 1, n_output, n, room, column, is_bad_too)
+            do i = 1, n
+                call check(error, all(row(:, i) == column(i, :) .or. (row(:, i) /= row(:, i) .and. column(i, :) /= column(i, :))), &
+                           "the same numbers")
+                call check(error, is_bad(i) .eqv. (given(1, i) == 0 .or. given(2, i) < 0), "not finite, in rows")
+            end do
+            call check(error, all(is_bad .eqv. is_bad_too), "the same samples are not finite")
+            call check(error, all(column(n + 1:, :) == untouched), "nothing of other samples")
+        end do
+        call free_space(space)
+        call free_program(program)
+    end subroutine test_columns
 
     ! ---------------------------------------------------------------- derivatives
 
