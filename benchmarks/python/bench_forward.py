@@ -76,8 +76,8 @@ def measure(program: Path, case: Case) -> str:
     text = subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True, text=True).stdout
     head, _, body = text.partition("\n")
     rates, _, methods = body.partition("method,")
-    case.rates = [{"solver": row["solver"], "single": float(row["us_single"]), "member": float(row["us_per_member"])}
-                  for row in csv.DictReader(io.StringIO(rates))]
+    case.rates = [{"solver": row["solver"], "single": float(row["us_single"]), "member": float(row["us_per_member"]),
+                   "ensemble": float(row["us_of_ensemble"] or "nan")} for row in csv.DictReader(io.StringIO(rates))]
     for line in list(csv.reader(io.StringIO(methods)))[1:]:
         method, setting, ms, count, *state = line
         case.rows.append({"method": method, "setting": float(setting), "ms": float(ms), "count": int(count),
@@ -103,10 +103,12 @@ def add_errors(case: Case, exact: np.ndarray) -> None:
 
 # ----------------------------------------------------------------------------------------------------------- tables
 def rates_table(cases: list[Case]) -> str:
-    lines = ["| example | unknowns of a stage | us, one run | us, a member of an ensemble |", "|---|---|---:|---:|"]
+    lines = ["| example | unknowns of a stage | us, one run | us, a member of an ensemble | us, the same with its steps |",
+             "|---|---|---:|---:|---:|"]
     for case in cases:
         for row in case.rates:
-            lines.append(f"| {case.name} | {row['solver']} | {row['single']:.3g} | {row['member']:.3g} |")
+            whole = f"{row['ensemble']:.3g}" if np.isfinite(row["ensemble"]) else ""
+            lines.append(f"| {case.name} | {row['solver']} | {row['single']:.3g} | {row['member']:.3g} | {whole} |")
     return "\n".join(lines)
 
 
