@@ -19,7 +19,7 @@ contains
 
         torque = law
         if (side == side_voltage) torque = motor%torque_constant*(law - motor%torque_constant*speed)/motor%resistance
-        largest = available_torque(motor, speed)
+        largest = available_torque(motor, speed, torque)
         ! what is no number stays none
         if (torque > largest) torque = largest
         if (torque < -largest) torque = -largest
@@ -40,21 +40,22 @@ contains
         real(wp), intent(in) :: voltage, current       !! [V, A]
         real(wp), intent(in) :: speed                  !! of the motor [rad/s]
         real(wp), parameter :: pace = 100              !! of the controller over that of the winding
-        real(wp) :: torque, largest, along
+        real(wp) :: forwards, backwards, along
 
         rate = (voltage - motor%resistance*current - motor%torque_constant*speed)/motor%inductance
-        torque = available_torque(motor, speed)
-        if (.not. torque < huge(torque)) return
-        largest = torque/motor%torque_constant
+        forwards = available_torque(motor, speed, 1.0_wp)
+        if (.not. forwards < huge(forwards)) return
+        backwards = available_torque(motor, speed, -1.0_wp)
         along = pace*motor%resistance/motor%inductance
-        if (rate > along*(largest - current)) rate = along*(largest - current)
-        if (rate < along*(-largest - current)) rate = along*(-largest - current)
+        if (rate > along*(forwards/motor%torque_constant - current)) rate = along*(forwards/motor%torque_constant - current)
+        if (rate < along*(-backwards/motor%torque_constant - current)) rate = along*(-backwards/motor%torque_constant - current)
     end function current_rate
 
-    !> The largest torque of a motor at a speed, driving or braking, in either direction: what its limits leave of it.
-    elemental real(wp) function available_torque(motor, speed) result(torque)
+    !> The largest torque of a motor at a speed, driving or braking: what its limits leave of it.
+    elemental real(wp) function available_torque(motor, speed, wanted) result(torque)
         type(motor_spec), intent(in) :: motor
         real(wp), intent(in) :: speed                  !! [rad/s]
+        real(wp), intent(in) :: wanted                 !! torque, for its sign: one against the motion brakes
 
         torque = huge(torque)
         if (motor%largest_torque > 0) torque = motor%largest_torque
@@ -62,19 +63,28 @@ contains
         if (motor%largest_power > 0) then
             if (torque*abs(speed) > motor%largest_power) torque = motor%largest_power/abs(speed)
         end if
-        if (motor%torque_curve%kind /= law_none) torque = min(torque, torque_on_curve(abs(speed)))
+        if (motor%torque_curve%kind /= law_none) torque = min(torque, torque_on_curve(abs(speed), wanted*speed < 0))
 
     contains
 
-        !> Straight lines between its rows; beyond the last one none but for a steep slope, so that no law jumps there.
-        pure real(wp) function torque_on_curve(at)
+        !> Straight lines between its rows. Beyond the last one nothing drives, but for a steep slope, so that no law jumps there. What
+        !> brakes is no less than in the last row that has a torque, however fast: a motor at its top speed can be stopped.
+        pure real(wp) function torque_on_curve(at, brakes)
             real(wp), intent(in) :: at
+            logical, intent(in) :: brakes
             real(wp), parameter :: slope_share = 0.01_wp    !! of the last speed
             integer :: k, n
             real(wp) :: part
 
             associate (knot => motor%torque_curve%time, value => motor%torque_curve%knot)
                 n = size(knot)
+                if (brakes) then
+                    k = findloc(value > 0, .true., dim=1, back=.true.)     ! the first row has one
+                    if (at >= knot(k)) then
+                        torque_on_curve = value(k)
+                        return
+                    end if
+                end if
                 if (at >= knot(n)) then
                     torque_on_curve = value(n)*max(0.0_wp, 1 - (at - knot(n))/(slope_share*knot(n)))
                     return

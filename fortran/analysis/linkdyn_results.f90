@@ -868,7 +868,7 @@ contains
             power(:, i) = torque(:, i)*speed(:, i)
             loss(:, i) = transmission_friction(layout%motor, transmission_force(:, i), rate)*rate
             if (present(current)) current(:, i) = torque(:, i)/layout%motor%torque_constant
-            if (present(margin)) margin(:, i) = available_torque(layout%motor, speed(:, i)) - abs(torque(:, i))
+            if (present(margin)) margin(:, i) = available_torque(layout%motor, speed(:, i), torque(:, i)) - abs(torque(:, i))
         end do
     end subroutine find_motor_loads
 end module linkdyn_results

@@ -418,7 +418,7 @@ contains
                     case (quantity_motor_current)
                         load(i) = torque/spec(a)%motor%torque_constant
                     case (quantity_torque_margin)
-                        load(i) = available_torque(spec(a)%motor, speed) - abs(torque)
+                        load(i) = available_torque(spec(a)%motor, speed, torque) - abs(torque)
                     end select
                 end associate
             end do

@@ -442,7 +442,8 @@ def test_margin_of_inverse_dynamics() -> None:
         run = scene.inverse(t=np.linspace(0, 2, 200), solver=solver, want="all")
         speed, torque = np.abs(run.motor_speed.values), np.abs(run.motor_torque.values)
         assert speed.max() > 120 or speed.max() > 60
-        beyond = curve["torques"][-1] * np.maximum(0.0, 1 - (speed - 120) / 1.2)
+        brakes = run.motor_speed.values * run.motor_torque.values < 0
+        beyond = curve["torques"][-1] * np.where(brakes, 1.0, np.maximum(0.0, 1 - (speed - 120) / 1.2))
         largest = np.minimum(0.7, np.where(speed < 120, np.interp(speed, curve["speeds"], curve["torques"]), beyond))
         np.testing.assert_allclose(run.torque_margin.values, largest - torque, atol=1e-12)
 
@@ -463,6 +464,38 @@ def test_margin_in_sweeps() -> None:
     np.testing.assert_allclose(swept.torque_margin_min.values.reshape(3, -1)[:, 0], least, rtol=1e-10, atol=1e-14)
     assert 0 < short < 123
     assert int(swept.outcome_count.sel(outcome="torque_margin").sum()) == short
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_a_motor_at_its_top_speed_brakes(method: str, sense: int) -> None:
+    """It comes to the end of its curve, and to 101 rad/s as exp(-50 t) beyond; told to, it brakes from there with all its torque."""
+    data = disc(law=at_motor(f"{5 * sense} N*m - {10 * sense} N*m*step(time - 3 s)"), drive={"ratio": 1.0, "torque_curve": {"speeds": [0.0, 100.0], "torques": [5.0, 5.0]}})
+    data["link"][0]["inertia"] = 0.1
+    t = np.linspace(0, 7, 71)
+    run = linkdyn.Scene(data).forward(t=t, want="all", method=method, **SHARP)
+    exact = np.where(t < 2, 50 * t, np.where(t < 3, 101 - np.exp(-50 * (t - 2)), 101 - 50 * (t - 3)))
+    assert np.abs(sense * run.qd.values[:, 0] - exact).max() < 1e-7
+    assert np.abs(run.torque_margin).max() < 1e-6
+
+
+@pytest.mark.parametrize(("start", "torque", "largest"), [
+    (50.0, 9.0, 4.0), (50.0, -9.0, 4.0), (-50.0, 9.0, 4.0), (90.0, 9.0, 0.8), (90.0, -9.0, 4.0), (-90.0, 9.0, 4.0), (-90.0, -9.0, 0.8), (150.0, 9.0, 0.0), (150.0, -9.0, 4.0), (-150.0, 3.0, 3.0),
+])
+def test_what_drives_and_what_brakes(start: float, torque: float, largest: float) -> None:
+    """A curve that ends without a torque: from its last row with one on, that one brakes."""
+    curve = {"speeds": [0.0, 50.0, 100.0], "torques": [4.0, 4.0, 0.0]}
+    run = linkdyn.Scene(disc(start, law=at_motor(torque), drive={"ratio": 1.0, "torque_curve": curve})).forward(t=[0.0, 1e-6], want="all", **SHARP)
+    assert run.motor_torque.values[0, 0] == pytest.approx(np.sign(torque) * largest, abs=1e-12)
+    assert run.torque_margin.values[0, 0] == pytest.approx((4.0 if start * torque < 0 else largest) - largest, abs=1e-12)
+
+
+@pytest.mark.parametrize("voltage", [60.0, -60.0])
+def test_a_winding_at_its_top_speed_brakes(voltage: float) -> None:
+    """The current controller leads the current to what brakes, there too."""
+    drive = {"ratio": 1.0, "torque_constant": 0.5, "resistance": 0.4, "inductance": 1e-3, "torque_curve": {"speeds": [0.0, 20.0], "torques": [2.0, 2.0]}}
+    run = linkdyn.Scene(disc(25.0, law={"type": "voltage", "value": voltage}, drive=drive)).forward(t=[0.0, 0.01], want="all", **SHARP)
+    assert run.motor_torque.values[-1, 0] == pytest.approx(-2.0 if voltage < 0 else 0.0, abs=1e-9)
 
 
 def test_curve_from_a_file(tmp_path: Any) -> None:
