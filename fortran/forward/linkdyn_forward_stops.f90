@@ -341,8 +341,9 @@ contains
         real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
         logical, intent(inout) :: is_closed(:, :)      !! it has no speed (lane, n_stop)
         logical, intent(out) :: rests(:, :)            !! (lane, n_stop)
+        integer, parameter :: in_gap = 4, in_time = 256    !! last places: a bounce of so few cannot be told from rest
         real(wp), dimension(lanes, n_stop(self%model%scene)) :: away, widest
-        real(wp) :: rate(lanes, self%n)
+        real(wp) :: rate(lanes, self%n), least_gap(n_stop(self%model%scene)), least_time(lanes)
         logical :: failed(lanes), rested(lanes, n_stop(self%model%scene))
         integer :: lane, i
 
@@ -358,9 +359,11 @@ contains
         do i = 1, size(widest, 2)
             widest(:, i) = merge(self%way%stops%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))
         end do
+        least_gap = in_gap*epsilon(1.0_wp)*abs(self%model%scene%stop%bound)
+        least_time = in_time*epsilon(1.0_wp)*max(abs(t), self%time_scale)
         do lane = 1, lanes
             if (is_struck(lane)) call find_resting(response(lane, :, :), touches(lane, :), speed(lane, :), away(lane, :), &
-                                                   widest(lane, :), is_closed(lane, :), rests(lane, :))
+                                                   widest(lane, :), least_gap, least_time(lane), is_closed(lane, :), rests(lane, :))
         end do
     end subroutine choose_resting
 

@@ -139,30 +139,35 @@ contains
     end subroutine find_locking
 
     !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
-    !> so slowly that it would come back before rounding let its gap be seen has no speed either.
-    pure subroutine find_resting(response, touches, speed, away, widest, is_closed, rests)
+    !> so slowly that it would come back before rounding let its gap be seen, or the clock tell the two impacts apart, has no speed
+    !> either.
+    pure subroutine find_resting(response, touches, speed, away, widest, least_gap, least_time, is_closed, rests)
         real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
         logical, intent(in) :: touches(:)              !! their gaps are closed
         real(wp), intent(in) :: speed(:)               !! apart [m/s, rad/s]
         real(wp), intent(in) :: away(:)                !! accelerations apart without pushes [m/s^2, rad/s^2]
         real(wp), intent(in) :: widest(:)              !! gap so far [m, rad]
+        real(wp), intent(in) :: least_gap(:)           !! that rounding of the place lets be seen [m, rad]
+        real(wp), intent(in) :: least_time             !! that the clock tells apart [s]
         logical, intent(inout) :: is_closed(:)         !! has no speed
         logical, intent(out) :: rests(:)
         real(wp), parameter :: at_rest = 1.0e-13_wp    !! of the largest acceleration: others hold it already
         real(wp), parameter :: low = 1.0e-13_wp        !! of the widest gap so far: a bounce of that height is none
-        real(wp) :: left(size(rests))
+        real(wp) :: left(size(rests)), height(size(rests))
         real(wp), allocatable :: push(:)
         logical :: is_low(size(rests))
         integer, allocatable :: contact(:)
         integer :: i, turn
 
+        height = max(low*widest, least_gap)
         do turn = 1, size(rests) + 1
             contact = pack([(i, i=1, size(rests))], is_closed)
             if (allocated(push)) deallocate (push)
             allocate (push(size(contact)))
             call solve_complementary(response(contact, contact), away(contact), push)
             left = away + matmul(response(:, contact), push)
-            is_low = touches .and. .not. is_closed .and. left < 0 .and. speed >= 0 .and. speed**2 <= 2*low*widest*abs(left)
+            is_low = touches .and. .not. is_closed .and. left < 0 .and. speed >= 0 &
+                     .and. (speed**2 <= 2*height*abs(left) .or. 2*speed <= least_time*abs(left))
             if (.not. any(is_low)) exit
             is_closed = is_closed .or. is_low
         end do

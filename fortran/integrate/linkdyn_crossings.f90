@@ -633,7 +633,7 @@ contains
         !> The guard may be zero where the step begins, as it is where a crossing was just met: a place before the next one,
         !> by halving. If there is none, the next one is at once.
         subroutine leave_zero()
-            integer, parameter :: most_halvings = 45
+            integer, parameter :: most_halvings = digits(1.0_wp)
             logical :: is_zero(lanes)
             real(wp) :: place(lanes), value(lanes)
             integer :: n

@@ -75,7 +75,8 @@ module linkdyn_integrator
         logical :: is_paused = .false.         !! `advance` came back before its end: call it again
         type(pause_type) :: pause
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
-        integer, private :: n_short = 0        !! steps in a row at which the run would not come to its end
+        real(wp), private :: length = 0        !! of the run, or of the way asked for, of one that is to be of any length
+        integer, private :: n_short = 0        !! steps in a row at which it would not come to its end
         integer, private :: n_jump = 0         !! jumps of the rates before the last step
         integer, private :: n_jumping = 0      !! steps that have come upon some, since `t_jumping`
         real(wp), private :: t_jumping = 0
@@ -206,6 +207,7 @@ contains
         end if
         associate (options => self%options, control => self%control)
             system%span = options%span
+            system%time_scale = max(options%span, options%step)
             call self%gone%start(y(1, :), system%family, system%beside, system%per_place)
             system%evaluations_a_step = merge(extrapolated, taken_by_stages, any(options%method == [method_gbs, method_seulex]))
             select case (options%method)
@@ -293,6 +295,8 @@ contains
         self%is_there = .false.
         self%is_lost = .false.
         if (all(self%failed)) return
+        self%length = self%options%span
+        if (.not. self%length > 0) self%length = t_end - self%t
         select case (self%options%method)
         case (method_rk4)
             if (t_end > self%t) call advance_rk4(self, system, t_end, y)
@@ -871,7 +875,7 @@ contains
         call take_turns_off(self, system, y)
         self%good_until = self%t
         call note_step(self, h)
-        self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%options%span)
+        self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%length)
         if (self%n_short <= most_short .and. .not. crawls_over_jumps(self, system)) return
         self%failed = .true.
         self%reason = stop_pace
@@ -891,7 +895,7 @@ contains
         self%n_jumping = self%n_jumping + 1
         if (self%n_jumping <= n_looked_at) return
         self%n_jumping = 0
-        crawls = (self%t - self%t_jumping)*most_jumps < n_looked_at*self%options%span
+        crawls = (self%t - self%t_jumping)*most_jumps < n_looked_at*self%length
     end function crawls_over_jumps
 
     !> Angles go on without the whole turns that they have made, so that they round as those of the first turn do. The

@@ -25,6 +25,7 @@ module linkdyn_lane_system
         logical :: is_idle(lanes) = .false.               !! lanes whose solutions go no further: nobody looks at these either
         integer :: evaluations_a_step = 10                !! that the method takes, about; blocks of lanes count once
         real(wp) :: span = 0                              !! how long the run is to be; 0: not known
+        real(wp) :: time_scale = 0                        !! that long, or the first step that is tried
         logical :: may_leap = .false.                     !! stages may leap over what f does within a step: see `part_in_sight`
         logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
                                                           !! turn, and are asked for no worse; not allocated: none (n)

@@ -492,6 +492,29 @@ def test_a_simulator_stands_on_its_stop():
         simulator.reset(place)
 
 
+@pytest.mark.parametrize("floor", [0.0, 0.2])
+@pytest.mark.parametrize(("speed", "begin"), [(1e-13, 0.0), (2e-16, 0.0), (1e-10, 0.15), (1e-8, 10.0), (1e-6, 1000.0)])
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_a_start_that_hardly_strikes_comes_to_rest(method, speed, begin, floor):
+    # Bounces too short for the clock are none: the run gets to its end, and so does a step of a simulator.
+    scene = ball({"position": [0, 0, floor], "velocity": [0, 0, -speed]}, stop=[{"name": "floor", "coordinate": "body.z", "min": floor, "restitution": 0.5}])
+    run = scene.forward(t=begin + np.linspace(0, 0.002, 3), method=method)
+    assert (run.status.values == 0).all() and run.event.size <= 60
+    np.testing.assert_allclose(run.q.values[-1], [0, 0, floor, 0, 0, 0], rtol=0, atol=1e-12)
+    assert run.qd.values[-1, 2] == 0
+    simulator = scene.simulator(method=method)
+    simulator.reset(run.q.values[-1], [0, 0, -speed, 0, 0, 0], t=begin)
+    simulator.step(0.002)
+    assert simulator.q[2] == pytest.approx(floor, abs=1e-12) and simulator.qd[2] == 0
+
+
+def test_a_simulator_that_bounces_without_end_says_so():
+    scene = ball({"position": [0, 0, 0.0], "velocity": [0, 0, -1e-12]}, stop=[{"name": "floor", "coordinate": "body.z", "min": 0.0, "restitution": 1.0}])
+    simulator = scene.simulator()
+    with pytest.raises(linkdyn.InputError, match="the step limit is reached"):
+        simulator.step(0.1)
+
+
 def test_a_sweep_has_the_force_of_a_soft_stop():
     # Over a coordinate and the place of the floor, against the moments by hand of the pendulum at rest.
     pendulum = floor_oracle.Pendulum(np.array([0.7, 0.6]), np.array([0.3, 0.25]), np.array([1.5, 0.8]), np.array([0.06, 0.03]), -0.9, 0.0)
