@@ -10,7 +10,8 @@ module linkdyn_drive_study
     use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_study, only: study_row, study_states, keep_computable, study_inverse, study_forward, recommend, warn_of_growth
+    use linkdyn_study, only: study_row, study_states, keep_computable, study_inverse, study_forward, recommend, warn_of_growth, &
+        warn_of_reference
     use linkdyn_terminal, only: show_stage, say
     use linkdyn_text, only: to_text
     use linkdyn_twin, only: find_twin, ask_inverse, ask_forward
@@ -34,7 +35,7 @@ contains
         type(output_file) :: file
         type(status_type) :: status, inverse_status, forward_status
         character(len=:), allocatable :: twin
-        real(wp) :: tenfold
+        real(wp) :: tenfold, astray(2)
         logical :: by_twin(2)
 
         exit_status = exit_bad_input
@@ -47,7 +48,7 @@ contains
             call show_stage("measuring inverse dynamics")
             call measure_inverse(config, model, twin, inverse, by_twin(1), inverse_status)
             call show_stage("measuring forward dynamics")
-            call measure_forward(config, model, twin, forward, tenfold, by_twin(2), forward_status)
+            call measure_forward(config, model, twin, forward, tenfold, astray, by_twin(2), forward_status)
             if (size(inverse) + size(forward) == 0) call fail(status, status_bad_input, config%scene &
                 //": neither inverse nor forward dynamics can be computed: "//trim(inverse_status%message)//"; " &
                 //trim(forward_status%message))
@@ -64,7 +65,7 @@ contains
         write (unit, "(a)") "  errors against "//reference_words(twin /= "", by_twin .or. [size(inverse) == 0, size(forward) == 0])
         if (size(inverse) > 0) call print_inverse(inverse, unit)
         if (size(inverse) == 0) write (unit, "(/, a)") "  no inverse dynamics: "//trim(inverse_status%message)
-        if (size(forward) > 0) call print_forward(forward, tenfold, unit)
+        if (size(forward) > 0) call print_forward(forward, tenfold, astray, unit)
         if (size(forward) == 0) write (unit, "(/, a)") "  no forward dynamics: "//trim(forward_status%message)
     end subroutine drive_study
 
@@ -122,12 +123,12 @@ contains
     end subroutine measure_inverse
 
     !> Integrators from the scene's start on.
-    subroutine measure_forward(config, model, twin, row, tenfold, by_twin, status)
+    subroutine measure_forward(config, model, twin, row, tenfold, astray, by_twin, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in), target :: model
         character(len=*), intent(in) :: twin
         type(study_row), allocatable, intent(out) :: row(:)
-        real(wp), intent(out) :: tenfold             !! see `study_forward`
+        real(wp), intent(out) :: tenfold, astray(2)  !! see `study_forward`
         logical, intent(out) :: by_twin              !! errors are against it
         type(status_type), intent(out) :: status
         real(wp) :: exact(model%n_q, n_instant), first, last, t(n_instant)
@@ -136,6 +137,7 @@ contains
         allocate (row(0))
         by_twin = .false.
         tenfold = 0
+        astray = 0
         first = model%scene%time%first
         last = merge(config%until, model%scene%time%last, config%has_until)
         if (.not. last > first) then
@@ -146,9 +148,9 @@ contains
         t(n_instant) = last
         if (twin /= "") call ask_forward(twin, config%scene, last, n_instant, exact, by_twin)
         if (by_twin) then
-            call study_forward(model, t, exact, row, tenfold, status)
+            call study_forward(model, t, exact, row, tenfold, astray, status)
         else
-            call study_forward(model, t, row=row, tenfold=tenfold, status=status)
+            call study_forward(model, t, row=row, tenfold=tenfold, astray=astray, status=status)
         end if
     end subroutine measure_forward
 
@@ -175,9 +177,9 @@ contains
         call print_advice(row, "inverse", [1.0e-12_wp], unit)
     end subroutine print_inverse
 
-    subroutine print_forward(row, tenfold, unit)
+    subroutine print_forward(row, tenfold, astray, unit)
         type(study_row), intent(in) :: row(:)
-        real(wp), intent(in) :: tenfold
+        real(wp), intent(in) :: tenfold, astray(2)
         integer, intent(in) :: unit
         integer :: i
 
@@ -193,6 +195,7 @@ contains
             end if
         end do
         if (tenfold > 0) write (unit, "(/, a)") "  "//warn_of_growth(tenfold)
+        if (astray(1) > 0) write (unit, "(/, a)") "  "//warn_of_reference(astray)
         call print_advice(row, "forward", [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp], unit)
     end subroutine print_forward
 

@@ -17,7 +17,8 @@ module linkdyn_study
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: study_row, study_states, keep_computable, study_inverse, study_forward, recommend, warn_of_growth
+    public :: study_row, study_states, keep_computable, study_inverse, study_forward, recommend, warn_of_growth, &
+        warn_of_reference
 
     !> One method, one setting.
     type :: study_row
@@ -160,12 +161,14 @@ contains
 
     !> All integrators down a ladder of tolerances or steps. Error: largest difference of a coordinate at the output
     !> instants, relative to the largest length, or to the largest angle or 1 rad.
-    subroutine study_forward(model, t, exact, row, tenfold, status)
+    subroutine study_forward(model, t, exact, row, tenfold, astray, status)
         type(model_type), intent(in), target :: model
         real(wp), intent(in) :: t(:)                     !! instants of output [s]
         real(wp), intent(in), optional :: exact(:, :)    !! (n_q, n)
         type(study_row), allocatable, intent(out) :: row(:)
         real(wp), intent(out) :: tenfold                 !! time in which errors grow tenfold [s]; 0: they do not grow like that
+        real(wp), intent(out) :: astray(2)               !! error of the reference where methods that agree tell it, and by how much
+                                                         !! these differ; 0: nothing speaks against it
         type(status_type), intent(inout) :: status
         ! The last is for methods of high order.
         real(wp), parameter :: tolerance(*) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp, 1.0e-12_wp, 1.0e-14_wp]
@@ -173,13 +176,16 @@ contains
         real(wp), parameter :: tightest = 1.0e-13_wp
         type(forward_options) :: options
         type(status_type) :: outcome
-        real(wp) :: q(model%n_q, size(t)), reference(model%n_q, size(t)), seconds, span
+        real(wp), dimension(model%n_q, size(t)) :: q, reference, by_runge_kutta, by_extrapolation
+        real(wp) :: seconds, span
         real(wp), allocatable :: growth(:)
         integer :: method, k, n_taken
-        logical :: is_done
+        logical :: is_done, are_done(2)
 
         allocate (row(0), growth(0))
         tenfold = 0
+        astray = 0
+        are_done = .false.
         span = t(size(t)) - t(1)
         options%wants_reactions = .false.
         options%t_start = t(1)
@@ -207,13 +213,32 @@ contains
                 row = [row, study_row("forward", method_name(method), setting_of(options), seconds, &
                                       worst_difference(model, q, reference, is_done), n_taken)]
                 if (tells_growth(row(size(row))%error)) growth = [growth, growth_of(model, q, reference)]
+                if (method == method_rk8pd .and. is_done) by_runge_kutta = q
+                if (method == method_gbs .and. is_done) by_extrapolation = q
+                if (method == method_rk8pd) are_done(1) = is_done
+                if (method == method_gbs) are_done(2) = is_done
                 if (seconds > most_seconds) exit
             end do
         end do
         call leave_programs(options%shared)
+        if (all(are_done)) astray = error_of_reference(model, by_runge_kutta, by_extrapolation, reference)
         if (size(growth) == 0) return
         if (median(growth) > unstable) tenfold = (t(size(t)) - t(2))/log10(median(growth))
     end subroutine study_forward
+
+    !> How far a reference is off, and how far two results of different methods are from each other, if these agree far
+    !> better with each other than with it: what is wrong is the reference then, and no error above says anything. 0: they do not.
+    pure function error_of_reference(model, one, other, reference) result(astray)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: one(:, :), other(:, :), reference(:, :)
+        real(wp) :: astray(2)
+        real(wp), parameter :: far = 1000                !! over what they differ by
+        real(wp), parameter :: rounding = 1.0e-15_wp
+
+        astray(1) = min(worst_difference(model, one, reference, .true.), worst_difference(model, other, reference, .true.))
+        astray(2) = worst_difference(model, one, other, .true.)
+        if (astray(1) < far*max(astray(2), rounding)) astray = 0
+    end function error_of_reference
 
     !> Is an error at the end small enough to have grown all the way, and more than rounding?
     pure logical function tells_growth(error)
@@ -261,6 +286,19 @@ contains
         text = "unstable motion: errors grow tenfold every "//trim(figure(1))//" s; after some "//trim(figure(2)) &
                //" s nothing is left of double precision"
     end function warn_of_growth
+
+    !> What to tell of a reference that is not to be believed; blank where nothing speaks against it.
+    function warn_of_reference(astray) result(text)
+        real(wp), intent(in) :: astray(2)                !! see `study_forward`
+        character(len=:), allocatable :: text
+        character(len=16) :: figure(2)
+
+        text = ""
+        if (.not. astray(1) > 0) return
+        write (figure, "(es0.1)") astray
+        text = "the reference is wrong: rk8pd and gbs agree to "//trim(figure(2))//" and differ from it by "//trim(figure(1)) &
+               //"; errors of that size are its own"
+    end function warn_of_reference
 
     pure function setting_of(options) result(text)
         type(forward_options), intent(in) :: options

@@ -45,6 +45,8 @@ module linkdyn_step_control
     integer, parameter :: n_longer = 14, most_worse = 4
     !> An error is rounding if copies that round otherwise differ from it by a third of it.
     real(wp), parameter :: explained = 3
+    !> Error over the allowed one, which is no less than what many sums round off, that the rounding of a step's terms hardly makes.
+    real(wp), parameter :: far_above = 1000
     !> Error over the allowed one that a step has hardly ever if it is as long as the last one's error said it might be.
     real(wp), parameter :: unexpected = 4
     !> Steps that much shorter than the longest so far are looked at more closely.
@@ -512,7 +514,7 @@ contains
         if (self%is_rough .and. self%best_score < huge(1.0_wp)) then
             if ((is_better .and. self%best_score <= unexpected) .or. self%i_stretch >= n_longer &
                 .or. self%n_worse >= most_worse) then
-                if (.not. is_good_enough(self, self%best)) then
+                if (.not. is_good_enough(self, self%best) .or. self%best_score > far_above) then
                     call look_for_shorter(self, system, is_too_long)
                     if (is_interrupted()) return
                     if (is_too_long) then
@@ -547,19 +549,22 @@ contains
 
     !> Is it not rates that are rough, but the step too long: for the method to be stable, or over kinks? Then, too, copies part, by
     !> what the step makes of a last place, or of a kink; in a step of a quarter by far less, where rough rates leave a quarter, or
-    !> not at all.
+    !> not at all. Or they agree, for what has been found to be rounding was the error of a much shorter step: the step's own
+    !> error is none, and falls as fast.
     subroutine look_for_shorter(self, system, is_too_long)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         logical, intent(out) :: is_too_long
         integer, parameter :: n_shorter = 6
         type(trial_type) :: trial
-        real(wp) :: rough(size(self%y)), apart, before
-        logical :: is_known
+        real(wp) :: rough(size(self%y)), apart, before, part_before
+        logical :: is_known, is_too_rough
         integer :: i
 
         is_too_long = .false.
+        is_too_rough = .not. is_good_enough(self, self%best)
         before = 0
+        part_before = 0
         do i = 0, n_shorter
             call try_length(self, system, cut**i*self%wished, self%t, trial)
             if (trial%has_failed) cycle
@@ -567,9 +572,12 @@ contains
             if (is_interrupted()) return
             if (.not. is_known) cycle
             apart = maxval(rough/trial%asked)
-            is_too_long = apart < cut**4*before .or. (i > 0 .and. trial%part <= 1 .and. all(rough <= trial%allowed))
+            is_too_long = trial%part < cut**4*part_before
+            if (is_too_rough) is_too_long = is_too_long .or. apart < cut**4*before &
+                                            .or. (i > 0 .and. trial%part <= 1 .and. all(rough <= trial%allowed))
             if (is_too_long) return
             before = apart
+            part_before = merge(0.0_wp, trial%part, is_rounding(self, trial, rough))
         end do
     end subroutine look_for_shorter
 

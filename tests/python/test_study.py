@@ -41,6 +41,31 @@ def test_an_unstable_motion_is_called_so():
     assert "unstable" not in linkdyn.load("examples/stephenson_iii/scene.toml").study().attrs["report"]
 
 
+def test_a_wrong_reference_is_called_so(tmp_path, monkeypatch):
+    """A twin that answers by a run at a loose tolerance: two methods agree, and not with it."""
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0.0, -9.81], "frame": {"markers": {"A": [0.0, 0.0]}},
+        "link": [{"name": "rod", "mass": 1.0, "inertia": 0.1, "cog": [0.5, 0.0], "markers": {"A": [0.0, 0.0]}}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "rod.A"]}], "coordinate": [{"joint": "A", "start": {"position": 0.3, "velocity": 0.0}}],
+    })  # fmt: skip
+    command = linkdyn.cli.executable()
+    twin = tmp_path / "linkdyn-real128"
+    monkeypatch.setenv("LINKDYN_REAL128", str(twin))
+    for tolerance, is_wrong in (("1e-4", True), ("1e-13", False)):
+        twin.write_text(f"""#!/bin/sh
+for word; do
+    shift
+    test "$word" = 1e-17 && word={tolerance}
+    set -- "$@" "$word"
+done
+exec "{command}" "$@"
+""")
+        twin.chmod(0o755)
+        report = scene.study(t_end=2.0).attrs["report"]
+        assert "errors against the quadruple twin" in report
+        assert ("the reference is wrong: rk8pd and gbs agree to" in report) == is_wrong
+
+
 def slider_leads(start: float) -> linkdyn.Scene:
     """A slider-crank led by its slider, outwards by 0.2 m: the crank and the rod end at 0.7 m."""
     part = {"mass": 1.0, "inertia": 0.01}
