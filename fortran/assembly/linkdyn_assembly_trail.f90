@@ -439,7 +439,7 @@ contains
             do lane = 2, n
                 if (is_believed(lane)) is_believed(lane) = is_close( &
                     model, place(lane - 1, :, :), place(lane, :, :), &
-                    (rate(lane - 1, :, :) + back(lane)*rate(lane, :, :))/2, &
+                    rate(lane - 1, :, :), back(lane)*rate(lane, :, :), &
                     minval(abs(margin(lane - 1:lane, model%n_branch + 1:)), dim=1))
             end do
         end associate
@@ -522,7 +522,7 @@ contains
                 nothing = 0
                 do lane = 2, n
                     if (goes(lane)) goes(lane) = is_close(model, state%group%place(lane, :, :), &
-                                                          found(lane, :, :), nothing, abs(state%group%margin(lane, :)))
+                                                          found(lane, :, :), nothing, nothing, abs(state%group%margin(lane, :)))
                 end do
                 state%group%place = found
                 state%group%margin = margin

@@ -17,7 +17,7 @@ module linkdyn_carried_assembly
         follows_assembly
     use linkdyn_model, only: model_type, link_freedom, place_size, gives_attitude, attitude_angles
     use linkdyn_lane_kernels, only: place_rates
-    use linkdyn_newton_group, only: shifted
+    use linkdyn_newton_group, only: led_link
     use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost
     implicit none (type, external)
@@ -223,7 +223,7 @@ contains
                     do k = 1, model%n_q
                         shift = shift + spread(span(:, k), 2, link_freedom(model))*assembly%column(:, :, l, k)
                     end do
-                    state%group%place(:, :, l) = shifted(model, assembly%place(:, :, l), shift)
+                    state%group%place(:, :, l) = led_link(model, model%group(g), i, assembly%place(:, :, l), shift)
                 end associate
             end do
         end do

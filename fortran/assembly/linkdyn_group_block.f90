@@ -5,7 +5,7 @@
 module linkdyn_group_block
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: move_in_space, spun_place, turned_axis
+    use linkdyn_link_place, only: move_in_space, led_on_thread
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom
     use linkdyn_newton_rules, only: judge_corrections, step_ahead
     implicit none (type, external)
@@ -290,7 +290,7 @@ contains
         else if (all(group%thread_axis(:, i) == 0)) then
             call move_in_space(place, by)
         else
-            place = spun_place(place, by, group%thread_axis(:, i), turned_axis(place, group%thread_axis(:, i)))
+            place = led_on_thread(place, by, group%thread_axis(:, i), group%thread_point(:, i))
         end if
     end subroutine lead_link
 

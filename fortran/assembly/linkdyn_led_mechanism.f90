@@ -16,7 +16,7 @@ module linkdyn_led_mechanism
     use linkdyn_model, only: model_type, step_type, step_pose, step_prp, is_dyad, scene_size, &
         link_freedom, place_size, repeats, gives_attitude, attitude_angles
     use linkdyn_lane_kernels, only: place_rates
-    use linkdyn_newton_group, only: n_shift, shifted
+    use linkdyn_newton_group, only: n_shift, led_link
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
@@ -260,8 +260,8 @@ contains
                 do g = 1, size(model%group)
                     do k = 1, size(model%group(g)%link)
                         l = model%group(g)%link(k)
-                        state%group%place(:, :, l) = shifted(model, self%place(:, :, l), &
-                                                             spread(lead, 2, link_freedom(model))*self%rate(:, :, l))
+                        state%group%place(:, :, l) = led_link(model, model%group(g), k, self%place(:, :, l), &
+                                                              spread(lead, 2, link_freedom(model))*self%rate(:, :, l))
                     end do
                 end do
                 state%group%moves = goes

@@ -7,7 +7,7 @@ module linkdyn_newton_attempts
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use
     use linkdyn_model, only: model_type, group_type
-    use linkdyn_newton_group, only: take_spins_apart, correct, rounding_of, solve_with_probe, most_steps
+    use linkdyn_newton_group, only: correct, rounding_of, solve_with_probe, most_steps
     use linkdyn_newton_rules, only: is_small, least_group_margin
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     implicit none (type, external)
@@ -104,20 +104,12 @@ contains
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         logical, intent(in) :: takes(lanes)
-        real(wp), intent(inout) :: correction(:, :)      !! (lane, row)
+        real(wp), intent(in) :: correction(:, :)         !! (lane, row)
         type(kinematic_state), intent(inout) :: state
         real(wp), intent(out) :: largest(lanes)          !! of the corrections; huge: it is no number
-        real(wp) :: spin(lanes, size(correction, 2))
-        integer :: lane
 
-        spin = 0
-        if (group%n_thread > 0) then
-            do lane = 1, lanes
-                call take_spins_apart(group, state%group%place(lane, :, :), correction(lane, :), spin(lane, :))
-            end do
-        end if
         largest = 0
-        call correct(model, group, correction, correction - spin, takes, state%group%place, largest)
+        call correct(model, group, correction, takes, state%group%place, largest)
     end subroutine take_step
 
     !> What rounding makes of a correction grows as the margin vanishes. The margin is asked for only where it decides.

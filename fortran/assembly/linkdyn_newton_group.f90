@@ -18,7 +18,7 @@ module linkdyn_newton_group
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
-    use linkdyn_link_place, only: turned_axis
+    use linkdyn_link_place, only: led_on_thread, rate_at, turned_axis
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, reach_of, side_of, &
         point_on, step_rus, is_dyad, is_rod_leg
@@ -30,11 +30,11 @@ module linkdyn_newton_group
     use linkdyn_step_part, only: describe_steps
     use linkdyn_threads_of_group, only: surely_same_turn
     use linkdyn_uncertainty, only: uncertainty_of_motion
-    use linkdyn_whole_turns, only: nearest_turns, least_angle
+    use linkdyn_whole_turns, only: nearest_turns
     implicit none (type, external)
     private
-    public :: prepare_margins, close_group, shifted, n_shift
-    public :: take_spins_apart, correct, rounding_of, sizes_away, solve_with_probe, most_steps
+    public :: prepare_margins, close_group, led_link, n_shift
+    public :: correct, rounding_of, sizes_away, solve_with_probe, most_steps
 
     integer, parameter :: most_steps = 30
 
@@ -71,7 +71,7 @@ contains
         end do
     end subroutine prepare_margins
 
-    !> About which axes a group's links may spin. Of a link with several threads the first is taken.
+    !> About which lines a group's links may spin. Of a link with several threads the first is taken.
     pure subroutine find_thread_axes(model, group)
         type(model_type), intent(in) :: model
         type(group_type), intent(inout) :: group
@@ -79,12 +79,14 @@ contains
 
         group%n_thread = count(is_threaded(model%joint(group%joint)%kind))
         group%thread_axis = reshape([(0.0_wp, i=1, 3*size(group%link))], [3, size(group%link)])
+        group%thread_point = group%thread_axis
         do i = size(group%joint), 1, -1
             associate (joint => model%joint(group%joint(i)))
                 if (.not. is_threaded(joint%kind)) cycle
                 do j = 1, size(group%link)
-                    if (any(joint%link == group%link(j))) &
-                        group%thread_axis(:, j) = joint%frame(:, 3, side_of(joint, group%link(j)))
+                    if (all(joint%link /= group%link(j))) cycle
+                    group%thread_axis(:, j) = joint%frame(:, 3, side_of(joint, group%link(j)))
+                    group%thread_point(:, j) = joint%point(:, side_of(joint, group%link(j)))
                 end do
             end associate
         end do
@@ -201,11 +203,11 @@ contains
         integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
         real(wp), dimension(lanes) :: largest, before, noise, margin
-        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, spin, rate, rate_here
+        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate, rate_here
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         logical, dimension(lanes) :: is_recorded, has_rate    ! correction and velocities
         type(kernel_use) :: use
-        integer :: step, k, lane
+        integer :: step, k
 
         call begin_use(model, model%group(g)%step, state, use)
         associate (group => model%group(g))
@@ -225,18 +227,12 @@ contains
                 do k = 1, size(rate, 2)
                     where (.not. is_done .or. step == 1) rate(:, k) = rate_here(:, k)
                 end do
-                spin = 0
-                if (group%n_thread > 0) then
-                    ! who records steps has looked at the threads
-                    if (step == 1 .and. .not. all(is_recorded)) then
-                        where (.not. is_recorded .and. angle_off_threads(model, use, state) > surely_same_turn) &
-                            state%group%contraction = huge(1.0_wp)
-                    end if
-                    do lane = 1, lanes
-                        call take_spins_apart(group, state%group%place(lane, :, :), correction(lane, :), spin(lane, :))
-                    end do
+                ! who records steps has looked at the threads
+                if (group%n_thread > 0 .and. step == 1 .and. .not. all(is_recorded)) then
+                    where (.not. is_recorded .and. angle_off_threads(model, use, state) > surely_same_turn) &
+                        state%group%contraction = huge(1.0_wp)
                 end if
-                call correct(model, group, correction, correction - spin, .not. is_done, state%group%place, largest)
+                call correct(model, group, correction, .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
                 if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
                 is_done = is_small(largest, noise) .or. is_refused
@@ -422,8 +418,8 @@ contains
         do h = 1, g
             do i = 1, size(model%group(h)%link)
                 associate (l => model%group(h)%link(i))
-                    place(:, :, l) = shifted(model, place(:, :, l), &
-                                             spread(step, 2, link_freedom(model))*place_rates(model, state, l, level_velocity))
+                    place(:, :, l) = led_link(model, model%group(h), i, place(:, :, l), &
+                                              spread(step, 2, link_freedom(model))*place_rates(model, state, l, level_velocity))
                 end associate
             end do
         end do
@@ -467,38 +463,16 @@ contains
 
     ! ---------------------------------------------------------------- places
 
-    !> Take the turns of links about the axes of their threads out of a correction: a small way along a thread is a large angle about it.
-    !> Whole turns, which change nothing, are taken off the correction itself.
-    pure subroutine take_spins_apart(group, place, correction, spin)
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: place(:, :)              !! (place_size, n_link)
-        real(wp), intent(inout) :: correction(:)         !! (row)
-        real(wp), intent(out) :: spin(:)                 !! (row)
-        real(wp) :: about(3), angle
-        integer :: i
-
-        spin = 0
-        do i = 1, size(group%link)
-            if (all(group%thread_axis(:, i) == 0)) cycle
-            about = turned_axis(place(:, group%link(i)), group%thread_axis(:, i))
-            associate (turn => correction(6*i - 2:6*i))
-                angle = dot_product(turn, about)
-                turn = turn - two_pi*nearest_turns(angle)*about
-            end associate
-            spin(6*i - 2:6*i) = least_angle(angle)*about
-        end do
-    end subroutine take_spins_apart
-
     !> Take the correction; how large it was: the largest turn, or shift as part of the mechanism's size.
-    subroutine correct(model, group, correction, bounded, takes, place, largest)
+    subroutine correct(model, group, correction, takes, place, largest)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)         !! (lane, row)
-        real(wp), intent(in) :: bounded(:, :)            !! the part of it with turns that may not be large (lane, row)
         logical, intent(in) :: takes(lanes)
         real(wp), intent(inout) :: place(:, :, :)        !! (lane, place_size, n_link)
         real(wp), intent(inout) :: largest(lanes)
         real(wp), dimension(lanes) :: part, turn, size_here
+        real(wp), dimension(lanes, link_freedom(model)) :: counts, bounded
         real(wp) :: moved(lanes, size(place, 2))
         logical :: is_number(lanes)
         integer :: n, i, k
@@ -507,16 +481,21 @@ contains
         turn = 0
         size_here = 0
         is_number = .true.                               ! `max` may say anything of what is none
-        do i = 1, size(correction, 2)
-            is_number = is_number .and. abs(correction(:, i)) <= huge(1.0_wp)
-            size_here = max(size_here, abs(correction(:, i))/group%unit(i))
-            if (modulo(i - 1, n) >= n_shift(model)) turn = max(turn, abs(bounded(:, i)))
+        do i = 1, size(group%link)
+            counts = correction(:, n*(i - 1) + 1:n*i)
+            bounded = counts
+            if (has_thread(group, i)) call take_spin_apart(group, i, place(:, :, group%link(i)), counts, bounded)
+            do k = 1, n
+                is_number = is_number .and. abs(counts(:, k)) <= huge(1.0_wp)
+                size_here = max(size_here, abs(counts(:, k))/group%unit(n*(i - 1) + k))
+                if (k > n_shift(model)) turn = max(turn, abs(bounded(:, k)))
+            end do
         end do
         ! Far off, a step is cut so that no link turns further than its equations hold.
         part = min(1.0_wp, largest_turn/max(turn, tiny(1.0_wp)))
         do i = 1, size(group%link)
             associate (l => group%link(i), d => correction(:, n*(i - 1) + 1:n*i))
-                moved = shifted(model, place(:, :, l), -spread(part, 2, n)*d)
+                moved = led_link(model, group, i, place(:, :, l), -spread(part, 2, n)*d)
                 do k = 1, size(moved, 2)
                     where (takes) place(:, k, l) = moved(:, k)
                 end do
@@ -524,6 +503,55 @@ contains
         end do
         where (takes) largest = merge(size_here, huge(1.0_wp), is_number)
     end subroutine correct
+
+    !> What of a link's correction counts, and what of that may not be large: a small way along a thread is a large angle about it,
+    !> and whole turns change nothing.
+    pure subroutine take_spin_apart(group, i, place, counts, bounded)
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: i                         !! of its links
+        real(wp), intent(in) :: place(:, :)              !! (lane, place_size)
+        real(wp), intent(inout) :: counts(:, :)          !! the correction; shifts are those of a point on the thread (lane, row)
+        real(wp), intent(out) :: bounded(:, :)           !! without the turn about it (lane, row)
+        real(wp) :: about(3), angle, here(6)
+        integer :: lane
+
+        do lane = 1, lanes
+            here = rate_at(place(lane, :), counts(lane, :), group%thread_point(:, i))
+            about = turned_axis(place(lane, :), group%thread_axis(:, i))
+            angle = dot_product(here(4:), about)
+            bounded(lane, :3) = here(:3)
+            bounded(lane, 4:) = here(4:) - angle*about
+            counts(lane, :3) = here(:3)
+            counts(lane, 4:) = here(4:) - two_pi*nearest_turns(angle)*about
+        end do
+    end subroutine take_spin_apart
+
+    !> May a link of the group spin about a thread?
+    pure logical function has_thread(group, i)
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: i                         !! of its links
+
+        has_thread = any(abs(group%thread_axis(:, i)) > 0)
+    end function has_thread
+
+    !> A link of the group where a correction or rates lead: on its thread, if it has one.
+    pure function led_link(model, group, i, place, by) result(led)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: i                         !! of its links
+        real(wp), intent(in) :: place(:, :)              !! (lane, place_size)
+        real(wp), intent(in) :: by(:, :)                 !! (lane, link_freedom)
+        real(wp) :: led(lanes, size(place, 2))
+        integer :: lane
+
+        if (.not. has_thread(group, i)) then
+            led = shifted(model, place, by)
+            return
+        end if
+        do lane = 1, lanes
+            led(lane, :) = led_on_thread(place(lane, :), by(lane, :), group%thread_axis(:, i), group%thread_point(:, i))
+        end do
+    end function led_link
 
     !> A link's place after a shift and a turn, about x, y, z of the world in space.
     pure function shifted(model, place, by)

@@ -436,7 +436,7 @@ contains
         integer, intent(in) :: i                     !! the sample in it
 
         is_like = is_close(model, node%found%place(:, :, k), found%place(i, :, :), &
-                           (found%shift(i, :, :) + found%rate(i, :, :))/2, &
+                           found%shift(i, :, :), found%rate(i, :, :), &
                            min(abs(node%tangents(k)%margin(:, 1)), abs(found%margin(i, :))))
     end function is_close_to_node
 

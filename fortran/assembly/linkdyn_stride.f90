@@ -8,7 +8,7 @@ module linkdyn_stride
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_stride, only: group_stride, left_behind, stride_groups, share_along
     use linkdyn_kinds, only: wp
-    use linkdyn_link_place, only: motion_between, spun_place, turned_axis
+    use linkdyn_link_place, only: motion_between, spun_place, place_at, rate_at, turned_axis
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, link_freedom
     use linkdyn_threads_of_group, only: surely_same_turn
@@ -137,7 +137,7 @@ contains
                 if (.not. is_believed) return
             end if
             is_believed = is_close(model, place(:, :, i - 1), place(:, :, i), &
-                                   (groups%rate(:, :, i - 1) + rate)/2, min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
+                                   groups%rate(:, :, i - 1), rate, min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
     end function is_sample_believed
 
@@ -157,12 +157,12 @@ contains
         is_believed = abs(margin_there) > least .and. is_step_sound(least, margin, drift, margin_there, drift_there)
     end function is_step_believed
 
-    !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
-    !> against the distance, about the margin, at which another assembly may be.
-    pure logical function is_close(model, from, to, explained, margin)
+    !> Are the groups' links where they have come from other places as the mean of the rates there and here explains? What is left
+    !> open must be small against the distance, about the margin, at which another assembly may be.
+    pure logical function is_close(model, from, to, rate_from, rate_to, margin)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
-        real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
+        real(wp), intent(in) :: rate_from(:, :), rate_to(:, :)    !! shifts and turns (link_freedom, n_link)
         real(wp), intent(in) :: margin(:)            !! (n_group)
         real(wp) :: moved(link_freedom(model)), open
         integer :: g, i, n
@@ -172,11 +172,12 @@ contains
         do g = 1, size(model%group)
             open = 0
             do i = 1, size(model%group(g)%link)
-                associate (l => model%group(g)%link(i))
-                    if (all(model%group(g)%thread_axis(:, i) == 0)) then
-                        moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
+                associate (l => model%group(g)%link(i), axis => model%group(g)%thread_axis(:, i))
+                    if (all(axis == 0)) then
+                        moved = motion_between(from(:, l), to(:, l)) - (rate_from(:, l) + rate_to(:, l))/2
                     else
-                        moved = left_of_spin(from(:, l), to(:, l), explained(:, l), model%group(g)%thread_axis(:, i))
+                        moved = left_of_spin(from(:, l), to(:, l), rate_from(:, l), rate_to(:, l), axis, &
+                                             model%group(g)%thread_point(:, i))
                     end if
                     open = max(open, maxval(abs(moved(:n)))/model%group(g)%size, maxval(abs(moved(n + 1:))))
                 end associate
@@ -186,15 +187,17 @@ contains
     end function is_close
 
     !> What is left of the motion of a link that may have spun several times between two places. Rates at both of them, each about
-    !> the axis as it stands there, are together those about the axis in between.
-    pure function left_of_spin(from, to, explained, axis) result(left)
+    !> the axis as it stands there, are together those about the axis in between. Shifts are those of a point on it.
+    pure function left_of_spin(from, to, rate_from, rate_to, axis, point) result(left)
         real(wp), intent(in) :: from(:), to(:)       !! (7)
-        real(wp), intent(in) :: explained(:)         !! (6)
-        real(wp), intent(in) :: axis(3)              !! link axes
+        real(wp), intent(in) :: rate_from(:), rate_to(:)    !! (6)
+        real(wp), intent(in) :: axis(3), point(3)    !! link axes
         real(wp) :: left(6)
-        real(wp) :: about(3)
+        real(wp) :: about(3), explained(6)
 
         about = turned_axis(from, axis) + turned_axis(to, axis)
-        left = motion_between(spun_place(from, explained, axis, about/max(norm2(about), tiny(1.0_wp))), to)
+        explained = (rate_at(from, rate_from, point) + rate_at(to, rate_to, point))/2
+        left = motion_between(spun_place(place_at(from, point), explained, axis, about/max(norm2(about), tiny(1.0_wp))), &
+                              place_at(to, point))
     end function left_of_spin
 end module linkdyn_stride

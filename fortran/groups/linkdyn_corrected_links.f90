@@ -40,18 +40,37 @@ contains
         corrected%bounded = zero()
         corrected%distance = constant(group%size)
         do i = 1, size(group%link)
-            associate (l => group%link(i), unit => group%unit(n*(i - 1) + 1:n*i), axis => group%thread_axis(:, i))
+            associate (l => group%link(i), unit => group%unit(n*(i - 1) + 1:n*i))
                 by = -correction(n*(i - 1) + 1:n*i)
                 bounded = by
                 corrected%place(:, i) = place(:, l)
-                if (any(abs(axis) > 0)) call spin(axis, corrected%place(:, i), by, bounded)
-                call move(bounded, corrected%place(:, i))
+                if (any(abs(group%thread_axis(:, i)) > 0)) then
+                    call move_origin(group%thread_point(:, i), corrected%place(:, i), by)
+                    call spin(group%thread_axis(:, i), corrected%place(:, i), by, bounded)
+                    call move(bounded, corrected%place(:, i))
+                    call move_origin(-group%thread_point(:, i), corrected%place(:, i))
+                else
+                    call move(bounded, corrected%place(:, i))
+                end if
                 call widen(corrected%largest, by, unit)
                 call widen(corrected%bounded, bounded, unit)
                 call widen(corrected%distance, place(:n_shift, l), spread(1.0_wp, 1, n_shift))
             end associate
         end do
     end subroutine correct_links
+
+    !> Another point of a link for its origin, such as stays where it is as the link spins; shifts then are those of that point.
+    subroutine move_origin(to, place, by)
+        real(wp), intent(in) :: to(3)                  !! link axes
+        type(value), intent(inout) :: place(:)         !! (7)
+        type(value), intent(inout), optional :: by(:)  !! (6)
+        type(vector) :: arm
+
+        if (all(abs(to) <= 0)) return
+        arm = rotation_by_quaternion(place(4:)) .rotate.vector_of(constant(to))
+        place(:3) = place(:3) + components(arm)
+        if (present(by)) by(:3) = by(:3) + components(vector_of(by(4:)) .cross.arm)
+    end subroutine move_origin
 
     !> A nut on its thread: the turn about that first, exactly; whole turns, which change nothing, are taken off.
     subroutine spin(axis, place, by, bounded)

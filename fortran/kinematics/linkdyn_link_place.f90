@@ -4,7 +4,7 @@ module linkdyn_link_place
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: moved_place, move_in_space, spun_place, motion_between, turned_axis
+    public :: moved_place, move_in_space, spun_place, led_on_thread, place_at, rate_at, motion_between, turned_axis
 
 contains
 
@@ -39,8 +39,9 @@ contains
         place(4:) = part*[w, x, y, z]
     end subroutine move_in_space
 
-    !> The same of a link that may spin fast about an axis of its own: that turn first, whatever its size and exactly, then the
-    !> rest. One turn about an axis that is nearly its own would take the axis round in a circle, and leave it nearly where it was.
+    !> The same of a link that may spin fast about an axis of its own through its origin: that turn first, whatever its size and
+    !> exactly, then the rest. One turn about an axis that is nearly its own would take the axis round in a circle, and leave it
+    !> nearly where it was.
     pure function spun_place(place, by, axis, about) result(moved)
         real(wp), intent(in) :: place(:)             !! (7)
         real(wp), intent(in) :: by(:)                !! (6)
@@ -58,6 +59,39 @@ contains
         moved(5:) = c*place(5:) + s*(place(4)*axis + cross(place(5:), axis))
         moved = moved_place(moved, [by(:3), by(4:) - angle*about])
     end function spun_place
+
+    !> The same of a link whose origin may be anywhere: its thread's axis goes through `point`, which is shifted as if nothing spun.
+    !> An origin beside the axis goes round in a circle; by the shift of its own it would go along the tangent, for many turns metres.
+    pure function led_on_thread(place, by, axis, point) result(moved)
+        real(wp), intent(in) :: place(:)             !! (7)
+        real(wp), intent(in) :: by(:)                !! shift of the origin, and turn (6)
+        real(wp), intent(in) :: axis(3), point(3)    !! link axes
+        real(wp) :: moved(size(place))
+
+        moved = spun_place(place_at(place, point), rate_at(place, by, point), axis, turned_axis(place, axis))
+        moved = place_at(moved, -point)
+    end function led_on_thread
+
+    !> Where a link would stand if it had its origin at one of its points.
+    pure function place_at(place, point) result(there)
+        real(wp), intent(in) :: place(:)             !! (7)
+        real(wp), intent(in) :: point(3)             !! link axes
+        real(wp) :: there(size(place))
+
+        there(:3) = place(:3) + turned_axis(place, point)
+        there(4:) = place(4:)
+    end function place_at
+
+    !> The rate that it would have then, or small shift and turn.
+    pure function rate_at(place, rate, point) result(there)
+        real(wp), intent(in) :: place(:)             !! (7)
+        real(wp), intent(in) :: rate(:)              !! (6)
+        real(wp), intent(in) :: point(3)             !! link axes
+        real(wp) :: there(size(rate))
+
+        there(:3) = rate(:3) + cross(rate(4:), turned_axis(place, point))
+        there(4:) = rate(4:)
+    end function rate_at
 
     !> A direction of a link, world axes.
     pure function turned_axis(place, axis) result(about)

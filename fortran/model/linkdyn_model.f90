@@ -234,6 +234,7 @@ module linkdyn_model
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
         integer :: n_thread = 0               !! joints in which a turn ties a slide
         real(wp), allocatable :: thread_axis(:, :)    !! of a link's thread, link axes; 0: it has none (3, link)
+        real(wp), allocatable :: thread_point(:, :)   !! on that axis (3, link) [m]
         integer :: step = 0                   !! of the plan, that places them
     end type group_type
 

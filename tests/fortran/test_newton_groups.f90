@@ -14,7 +14,7 @@ module test_newton_groups
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_link_place, only: moved_place, spun_place, turned_axis, motion_between
+    use linkdyn_link_place, only: moved_place, spun_place, led_on_thread, rate_at, turned_axis, motion_between
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, group_type, is_length, is_rod_leg, step_group, step_rod, step_hung
     use linkdyn_planar_motion, only: planar_motion
@@ -426,7 +426,7 @@ contains
                 call explain_shifts(model, margin, block, is_explained)
                 do s = 1, n
                     associate (is_measured => is_close(model, block%from(s, :, :), block%place(s, :, :), &
-                                                       block%shift(s, :, :)/2, margin(s, :)))
+                                                       block%shift(s, :, :), block%rate(s, :, :), margin(s, :)))
                         call check(error, is_measured .or. .not. is_explained(s), trim(name(i))//": explained by angles, too")
                         if (turn < 0.2_wp .and. open < 0.9_wp) &
                             call check(error, is_explained(s), trim(name(i))//": what is explained is seen to be")
@@ -537,13 +537,16 @@ contains
             largest = 0
             largest_bounded = 0
             do k = 1, size(group%link)
-                associate (unit => group%unit(6*k - 5:6*k), stand => place(:, group%link(k)), axis => group%thread_axis(:, k))
+                associate (unit => group%unit(6*k - 5:6*k), stand => place(:, group%link(k)), axis => group%thread_axis(:, k), &
+                           point => group%thread_point(:, k))
                     by = -correction(6*k - 5:6*k)
                     bounded = by
                     about = 0
                     if (any(abs(axis) > 0)) then
                         about = turned_axis(stand, axis)
-                        there = spun_place(stand, by, axis, about)
+                        there = led_on_thread(stand, by, axis, point)
+                        by = rate_at(stand, by, point)
+                        bounded = by
                     else
                         there = moved_place(stand, by)
                     end if
@@ -717,7 +720,7 @@ contains
             is_believed = all(is_step_believed(model%least_margin(model%n_branch + 1:), here%margin(1, :), here%drift(1, :), &
                                                there%margin(1, :), there%drift(1, :)))
             if (is_believed) is_believed = is_close(model, here%place(1, :, :), there%place(1, :, :), &
-                                                    (here%rate(1, :, :) + there%rate(1, :, :))/2, &
+                                                    here%rate(1, :, :), there%rate(1, :, :), &
                                                     min(abs(here%margin(1, :)), abs(there%margin(1, :))))
             if (is_believed) n_believed = n_believed + 1
         end subroutine try_step
