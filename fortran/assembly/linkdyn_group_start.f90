@@ -2,7 +2,8 @@
 !>
 !> The first attempt sets out from the starting positions of the links, the second from links strung along the joints with
 !> the joints' starting variables, but those that have a starting position there and legs between such point to where they end
-!> (`linkdyn_pointed_links`), the others from variables at random. Each is
+!> (`linkdyn_pointed_links`). With threads the third sets out from the starting positions as the links that are placed have taken
+!> them along (`linkdyn_drawn_links`). The others set out from variables at random. Each is
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
 !> (`linkdyn_start_distance`). Where none closes, a Delta led by its tool whose elbows nobody has described, there are more rounds of
 !> attempts. The outcome depends on the scene alone.
@@ -10,6 +11,7 @@ module linkdyn_group_start
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
+    use linkdyn_drawn_links, only: hang_as_drawn
     use linkdyn_given, only: given_position
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, turns_about_point, joint_prismatic
@@ -158,6 +160,7 @@ contains
                 associate (attempt => first_attempt + first + lane - 2)
                     if (attempt <= 2) call put_as_given(model, group, lane, attempt == 1, state)
                     if (attempt == 2 .and. .not. model%is_planar) call point_links(model, group, lane, state)
+                    if (attempt == 3 .and. group%n_thread > 0) call hang_as_drawn(model, group, lane, state)
                 end associate
                 place(:, :, first + lane - 1) = state%group%place(lane, :, :)
             end do

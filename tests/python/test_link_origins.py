@@ -146,6 +146,15 @@ def test_start_led_by_the_screw_of_a_jack() -> None:
         assert angle_at_start(one, "R.angle") == pytest.approx(np.radians(20), abs=1e-4)
 
 
+@pytest.mark.parametrize("start", [0.01, -0.02, 0.05])
+def test_start_of_a_screw_that_is_carried(start: float) -> None:
+    """A screw adjusts a loop that turns with its arm: taken along by half a lead or more, it is not turned."""
+    scene = tomllib.loads((Path(__file__).parent / "scenes" / "adjusting_screw.toml").read_text(encoding="utf-8"))
+    scene["coordinate"][0]["start"] = start
+    for one in (scene, with_origins_at(scene, FAR), with_origins_at(scene, np.array([0, 0.1, 0]))):
+        assert angle_at_start(one, "G.angle") == pytest.approx(0, abs=1e-9)
+
+
 def test_start_of_an_arm_lifted_by_a_screw() -> None:
     scene = tomllib.loads((SCENES / "screw_loop.toml").read_text(encoding="utf-8"))
     del scene["time"]
