@@ -20,7 +20,7 @@ module linkdyn_drive_forward
     use linkdyn_summary_text, only: print_summary, failure_text
     use linkdyn_terminal, only: show_stage, show_share, say
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
+    use linkdyn_forward_errors, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached
     implicit none (type, external)
     private

@@ -1,13 +1,13 @@
 !> The process and its terminal: signs of life, messages, end of the program.
 !>
 !> A line on the terminal says every half second how far the work is, however long a single piece of it takes: a timer of the
-!> system writes it (c/linkdyn_sign.c), and the work only says what there is to tell.
+!> system writes it (c/linkdyn_progress_line.c), and the work only says what there is to tell.
 module linkdyn_terminal
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64
     use linkdyn_clock, only: seconds_since
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: is_terminal, leave_process
-    use linkdyn_sign, only: start_sign, set_sign, end_sign
+    use linkdyn_progress_line, only: start_sign, set_sign, end_sign
     use linkdyn_text, only: printable, to_text
     implicit none (type, external)
     private

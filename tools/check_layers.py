@@ -29,7 +29,7 @@ MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
 RESERVED = [
     ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["output/linkdyn_netcdf*.f90"]),
     ("C kinds", r"\biso_c_binding\b",
-     ["core/linkdyn_code.f90", "core/linkdyn_interrupt.f90", "core/linkdyn_mix.f90", "core/linkdyn_sign.f90", "core/linkdyn_threads.f90",
+     ["core/linkdyn_code.f90", "core/linkdyn_interrupt.f90", "core/linkdyn_hash.f90", "core/linkdyn_progress_line.f90", "core/linkdyn_threads.f90",
       "kinds/linkdyn_multiply_add_real64.f90", "record/linkdyn_block_real64.f90", "record/linkdyn_record.f90",
       "files/linkdyn_child.f90", "files/linkdyn_file_lock.f90", "files/linkdyn_path.f90",
       "files/linkdyn_toml.f90", "files/linkdyn_input.f90", "files/linkdyn_spool.f90", "files/linkdyn_output_file.f90",

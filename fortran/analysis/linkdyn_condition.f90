@@ -18,7 +18,7 @@ module linkdyn_condition
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, first_output, &
+    use linkdyn_equations_on_lanes, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, first_output, &
         free_lane_program, free_lane_space
     use linkdyn_model, only: model_type
     use linkdyn_representatives, only: representative_motions

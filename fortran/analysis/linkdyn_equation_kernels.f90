@@ -7,7 +7,7 @@ module linkdyn_equation_kernels
     use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, open_equations, close_equations, &
         make_matrix_program, make_solving_program, make_answer_program, make_sliding_program, has_columns, nothing_else
     use linkdyn_inputs, only: sample_set, in_number
-    use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
+    use linkdyn_equations_on_lanes, only: lane_program, prepare_lanes, free_lane_program
     use linkdyn_lock, only: hold_records, release_records, hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_numbers, only: numbers_of

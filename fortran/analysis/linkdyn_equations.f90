@@ -29,7 +29,7 @@ module linkdyn_equations
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
+    use linkdyn_equations_on_lanes, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_lossy_motors, only: lossy_motors
     use linkdyn_model, only: model_type, drives_share, friction_is_shared

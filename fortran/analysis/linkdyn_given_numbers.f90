@@ -10,7 +10,7 @@ module linkdyn_given_numbers
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers
+    use linkdyn_equations_on_lanes, only: lane_numbers
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type, gives_attitude, attitude_angles, pull_power, friction_is_shared
     use linkdyn_numbers, only: numbers_of

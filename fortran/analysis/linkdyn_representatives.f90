@@ -10,7 +10,7 @@ module linkdyn_representatives
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_equation_programs, only: make_motion_program
-    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
+    use linkdyn_equations_on_lanes, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
         free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_lock, only: hold_texts, release_texts

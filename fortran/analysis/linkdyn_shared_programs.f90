@@ -3,7 +3,7 @@
 module linkdyn_shared_programs
     use linkdyn_equation_kernels, only: kernel_family, found_for_one, end_family
     use linkdyn_equation_programs, only: make_drive_program
-    use linkdyn_lane_programs, only: lane_program, prepare_lanes, free_lane_program
+    use linkdyn_equations_on_lanes, only: lane_program, prepare_lanes, free_lane_program
     use linkdyn_holders, only: holder_count
     use linkdyn_lock, only: hold_records, release_records
     use linkdyn_model, only: model_type

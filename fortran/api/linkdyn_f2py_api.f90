@@ -53,7 +53,7 @@ module linkdyn_f2py_api
     use linkdyn_text, only: printable, to_text
     use linkdyn_build, only: version
     use linkdyn_code, only: choose_code, code_in_use
-    use linkdyn_watched_run, only: advance_watched, time_reached
+    use linkdyn_forward_errors, only: advance_watched, time_reached
     implicit none
     private
     public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows, api_spline

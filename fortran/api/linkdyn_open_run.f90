@@ -19,7 +19,7 @@ module linkdyn_open_run
     use linkdyn_scene, only: scene_type, joint_n_variable
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_status_name
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched
+    use linkdyn_forward_errors, only: watched_run, start_watched, advance_watched, finish_watched
     use linkdyn_written_numbers, only: is_at
     implicit none (type, external)
     private

@@ -28,7 +28,7 @@ module linkdyn_assembly_trail
         follows_assembly, is_way_short, nearest_start
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom
-    use linkdyn_lane_kernels, only: place_rates
+    use linkdyn_steps_on_lanes, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_stride, only: stride_type, make_stride, is_close
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_branch_lost

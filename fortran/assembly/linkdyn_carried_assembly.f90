@@ -16,7 +16,7 @@ module linkdyn_carried_assembly
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
         follows_assembly
     use linkdyn_model, only: model_type, link_freedom, place_size, gives_attitude, attitude_angles
-    use linkdyn_lane_kernels, only: place_rates
+    use linkdyn_steps_on_lanes, only: place_rates
     use linkdyn_newton_group, only: led_link
     use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost

@@ -3,7 +3,7 @@ module linkdyn_closed_forms
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, run_kernel
+    use linkdyn_steps_on_lanes, only: kernel_use, begin_use, end_use, run_kernel
     use linkdyn_model, only: model_type, step_type, step_csp, step_hung, is_dyad, has_rod
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_step_kernels, only: of_ways, of_margins, of_quality

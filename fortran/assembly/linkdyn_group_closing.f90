@@ -7,7 +7,7 @@ module linkdyn_group_closing
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_kernels, only: kernel_use, run_kernel, set_rates
+    use linkdyn_steps_on_lanes, only: kernel_use, run_kernel, set_rates
     use linkdyn_model, only: model_type, group_type, orientation_of
     use linkdyn_patterned_elimination, only: eliminate_by_pattern
     use linkdyn_planar_motion, only: level_velocity, level_given

@@ -12,7 +12,7 @@ module linkdyn_group_start
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
     use linkdyn_drawn_links, only: hang_as_drawn
-    use linkdyn_given, only: given_position
+    use linkdyn_led_coordinates, only: given_position
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, turns_about_point, joint_prismatic
     use linkdyn_kinds, only: wp
@@ -20,7 +20,7 @@ module linkdyn_group_start
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: lend_texts, take_texts_back
-    use linkdyn_mix, only: counter_uniform
+    use linkdyn_hash, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, side_of, place_size, scene_size
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_newton_attempts, only: close_attempts, look_at_place

@@ -3,13 +3,13 @@
 !> One pass serves every analysis. Column 0 always carries the motion prescribed by q, qd, qdd; the further columns
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
-    use linkdyn_given, only: has_lost_turns
+    use linkdyn_led_coordinates, only: has_lost_turns
     use linkdyn_group_closing, only: move_loop
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, run_kernel, set_places, set_rates
+    use linkdyn_steps_on_lanes, only: kernel_use, begin_use, end_use, run_kernel, set_places, set_rates
     use linkdyn_model, only: model_type, step_type, step_pose, step_csp, step_group, is_dyad, link_freedom
     use linkdyn_newton_group, only: close_group
     use linkdyn_planar_motion, only: level_velocity, level_given

@@ -15,7 +15,7 @@ module linkdyn_led_mechanism
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose, step_prp, is_dyad, scene_size, &
         link_freedom, place_size, repeats, gives_attitude, attitude_angles
-    use linkdyn_lane_kernels, only: place_rates
+    use linkdyn_steps_on_lanes, only: place_rates
     use linkdyn_newton_group, only: n_shift, led_link
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between

@@ -5,7 +5,7 @@ module linkdyn_newton_attempts
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use
+    use linkdyn_steps_on_lanes, only: kernel_use, begin_use, end_use
     use linkdyn_model, only: model_type, group_type
     use linkdyn_newton_group, only: correct, rounding_of, solve_with_probe, most_steps
     use linkdyn_newton_rules, only: is_small, least_group_margin

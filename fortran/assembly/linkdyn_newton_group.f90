@@ -17,9 +17,9 @@ module linkdyn_newton_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
+    use linkdyn_steps_on_lanes, only: kernel_use, begin_use, end_use, set_rates, place_rates
     use linkdyn_link_place, only: led_on_thread, rate_at, turned_axis
-    use linkdyn_mix, only: counter_uniform
+    use linkdyn_hash, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, group_size, reach_of, side_of, &
         point_on, step_rus, is_dyad, is_rod_leg
     use linkdyn_newton_rules, only: is_small, watch_contraction, rounding_at, step_ahead, largest_turn, least_group_margin

@@ -23,7 +23,7 @@ module linkdyn_settled_samples
     use linkdyn_led_groups, only: lead_places
     use linkdyn_led_mechanism, only: lead_from_start, is_way_short
     use linkdyn_lock, only: hold_lock, release_lock
-    use linkdyn_mix, only: counter_bits
+    use linkdyn_hash, only: counter_bits
     use linkdyn_model, only: model_type, repeats, link_freedom
     use linkdyn_status, only: sample_ok, sample_unreachable
     use linkdyn_stride, only: is_step_believed, is_close, is_turn_kept

@@ -10,7 +10,7 @@ module linkdyn_explain_matrix
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
+    use linkdyn_equations_on_lanes, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
         free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type

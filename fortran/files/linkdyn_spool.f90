@@ -3,7 +3,7 @@
 module linkdyn_spool
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_ptr, c_loc
     use linkdyn_kinds, only: wp
-    use linkdyn_mix, only: hash_text
+    use linkdyn_hash, only: hash_text
     use linkdyn_output_file, only: linkdyn_close_write, remove_file
     use linkdyn_status, only: status_type, fail, status_io_error
     implicit none (type, external)

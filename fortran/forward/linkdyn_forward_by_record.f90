@@ -7,7 +7,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_contact, only: n_part
     use linkdyn_cylinder_states, only: drive_record_by_cylinders
     use linkdyn_energy_balance, only: energy_of_motion
-    use linkdyn_forward_look, only: wants_looks, choose_looks, use_looks, angles_seen
+    use linkdyn_step_ends, only: wants_looks, choose_looks, use_looks, angles_seen
     use linkdyn_forward_record, only: make_forward_rates, use_forward_rates, place_states, place_still, &
         close_states, run_states, carry_states, take_rates, place_touches, leave_doubtful, doubt_far, keep_stages, &
         apply_record_laws, run_losing

@@ -2,14 +2,14 @@
 submodule (linkdyn_forward_system) linkdyn_forward_laws
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_cam_contact, only: angle_on_cam
-    use linkdyn_cam_sight, only: find_part_of_cams
+    use linkdyn_narrow_cams, only: find_part_of_cams
     use linkdyn_constants, only: pi
-    use linkdyn_forward_look, only: see_way
+    use linkdyn_step_ends, only: see_way
     use linkdyn_forward_record, only: place_states, place_touches, close_states, apply_record_laws
-    use linkdyn_law_sight, only: find_part_in_sight, find_part_of_splines, well_within
+    use linkdyn_narrow_laws, only: find_part_in_sight, find_part_of_splines, well_within
     use linkdyn_laws, only: evaluate_law
     use linkdyn_led_mechanism, only: measure_margins, n_map
-    use linkdyn_margin_sight, only: find_part_of_margins
+    use linkdyn_margins_within, only: find_part_of_margins
     use linkdyn_measures, only: find_measures
     use linkdyn_model, only: is_length
     implicit none (type, external)

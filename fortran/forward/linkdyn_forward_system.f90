@@ -32,7 +32,7 @@ module linkdyn_forward_system
     use linkdyn_event_log, only: event_entry
     use linkdyn_followed_angles, only: followed_angles, followed_from, prepare_measured_angles, prepare_joint_angles, &
         wraps_anywhere, follow_angles, looks_for_angles, follow_within, note_nearest, angles_at
-    use linkdyn_forward_look, only: forward_look, free_looks
+    use linkdyn_step_ends, only: forward_look, free_looks
     use linkdyn_forward_record, only: forward_record, evaluations_on_lanes, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, families_of_state, unpack_state, pack_rates, &
         counted_rates
@@ -43,9 +43,9 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system, lane_way
-    use linkdyn_cam_sight, only: cam_sight, plan_cam_sight
+    use linkdyn_narrow_cams, only: cam_sight, plan_cam_sight
     use linkdyn_led_mechanism, only: follows_assembly
-    use linkdyn_law_sight, only: plan_law_sight, has_to_look
+    use linkdyn_narrow_laws, only: plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
@@ -192,7 +192,7 @@ module linkdyn_forward_system
             type(forward_memory), intent(in) :: memory     !! of this system, or another one of the same model
         end subroutine recall
 
-        ! ---- linkdyn_forward_looks
+        ! ---- linkdyn_forward_step_ends
         module logical function sees_end(self)
             class(forward_system), intent(inout) :: self
         end function sees_end

@@ -9,7 +9,7 @@ module linkdyn_forward_way
     use linkdyn_followed_angles, only: followed_angles
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_law_sight, only: law_sight
+    use linkdyn_narrow_laws, only: law_sight
     use linkdyn_motor_states, only: motor_states
     use linkdyn_status, only: sample_ok
     use linkdyn_stop_states, only: stop_states

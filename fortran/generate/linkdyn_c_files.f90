@@ -8,7 +8,7 @@ module linkdyn_c_files
     use linkdyn_c_words, only: c_comment, c_number, c_numbers, upper
     use linkdyn_code_fields, only: name_list, field_type, in_c_order, field_size, n_list, of_place, of_placed, note_len
     use linkdyn_closing_programs, only: out_correction, out_response, out_determinant, out_closing_alarm
-    use linkdyn_controller_kernel, only: controller_kernel
+    use linkdyn_code_kernel, only: controller_kernel
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_inputs, only: in_branch
     use linkdyn_kinds, only: wp

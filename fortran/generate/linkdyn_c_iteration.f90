@@ -3,7 +3,7 @@
 module linkdyn_c_iteration
     use linkdyn_c_body, only: c_routine, write_calls, is_handed
     use linkdyn_c_words, only: c_comment, c_number, c_numbers, upper
-    use linkdyn_controller_kernel, only: controller_kernel
+    use linkdyn_code_kernel, only: controller_kernel
     use linkdyn_following, only: largest_contraction
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: n_probe

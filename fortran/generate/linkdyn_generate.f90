@@ -7,7 +7,7 @@ module linkdyn_generate
     use linkdyn_code_fields, only: name_list, field_type, list_of_names, without_names, field, field_size, note_len, n_list, &
         of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes, of_place
     use linkdyn_closing_programs, only: out_determinant
-    use linkdyn_controller_kernel, only: controller_kernel, make_controller_kernel, make_closing_kernel, run_kernel
+    use linkdyn_code_kernel, only: controller_kernel, make_controller_kernel, make_closing_kernel, run_kernel
     use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_equations, only: unknown_choice, equations_type, build_equations, build_no_equations, free_equations, &
         solver_elimination

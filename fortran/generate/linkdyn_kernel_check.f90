@@ -7,7 +7,7 @@ module linkdyn_kernel_check
     use linkdyn_result_kinds, only: result_driving_force, result_qdd, result_joint_variable, result_velocity, &
         result_angular_velocity
     use linkdyn_constants, only: golden, two_pi
-    use linkdyn_controller_kernel, only: controller_kernel, run_kernel
+    use linkdyn_code_kernel, only: controller_kernel, run_kernel
     use linkdyn_equations, only: equations_type
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_inputs, only: sample_set, in_q, in_qd, in_qdd, in_load, in_effort, in_target

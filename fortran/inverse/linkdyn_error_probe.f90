@@ -16,7 +16,7 @@ module linkdyn_error_probe
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_mix, only: counter_uniform
+    use linkdyn_hash, only: counter_uniform
     use linkdyn_model, only: model_type, place_size, scene_size, gives_attitude, attitude_angles
     use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one

@@ -16,7 +16,7 @@ module linkdyn_inverse_solver
     use linkdyn_model, only: model_type, friction_is_shared, has_assemblies, drives_share
     use linkdyn_recorded_forces, only: record_shelf
     use linkdyn_representatives, only: representative_poses
-    use linkdyn_second_look, only: second_look, free_look
+    use linkdyn_scatter_check, only: second_look, free_look
     use linkdyn_settled_samples, only: known_nodes
     use linkdyn_singularity, only: singularity_space, prepare_singularity
     use linkdyn_status, only: status_type, fail, status_bad_input

@@ -20,7 +20,7 @@ module linkdyn_lane_batch
     use linkdyn_lane_results, only: block_measures, measure_block, values_of_block, tell_accelerations
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_motion_batch, only: motion_batch
-    use linkdyn_second_look, only: need_look, surely_certain
+    use linkdyn_scatter_check, only: need_look, surely_certain
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_singularity, only: find_singularity_distance
     use linkdyn_status, only: sample_ok, sample_undefined, sample_locked

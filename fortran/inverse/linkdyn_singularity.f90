@@ -25,7 +25,7 @@ module linkdyn_singularity
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
+    use linkdyn_equations_on_lanes, only: lane_space, run_on_lanes, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, measure_margins, n_map
     use linkdyn_model, only: model_type, step_type, step_pose, is_dyad, attitude_angles
     use linkdyn_planar_motion, only: level_velocity, level_given

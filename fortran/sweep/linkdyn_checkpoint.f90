@@ -8,7 +8,7 @@ module linkdyn_checkpoint
     use linkdyn_input, only: read_file_text
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_mix, only: hash_text
+    use linkdyn_hash, only: hash_text
     use linkdyn_output_file, only: output_file, open_output, write_text, finish_text
     use linkdyn_path, only: path_exists
     use linkdyn_scene, only: law_spec

@@ -5,7 +5,7 @@
 module linkdyn_sampling
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_mix, only: counter_bits, counter_uniform
+    use linkdyn_hash, only: counter_bits, counter_uniform
     implicit none (type, external)
     private
     public :: sobol_directions, sobol_point, latin_point, random_point, most_sobol_dimensions

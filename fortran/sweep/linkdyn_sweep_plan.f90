@@ -4,7 +4,7 @@ module linkdyn_sweep_plan
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
     use linkdyn_sampling, only: sobol_directions, sobol_point, latin_point, random_point
-    use linkdyn_mix, only: counter_bits
+    use linkdyn_hash, only: counter_bits
     use linkdyn_sweep_spec, only: sweep_spec, axis_spec, axis_coordinate, axis_parameter, axis_time, sampling_linspace, &
         sampling_values, sampling_sobol, sampling_latin
     implicit none (type, external)

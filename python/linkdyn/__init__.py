@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ._late import when_imported
+from ._after_import import when_imported
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, MissingFileError, SceneError, UnavailableError
 
 if TYPE_CHECKING:

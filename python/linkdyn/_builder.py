@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ._arguments import as_known, as_path, quoted_name
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Cylinder, Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, n_copies, plain, table_of
+from ._scene_types import Cylinder, Drive, Elastic, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, n_copies, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import os
 from typing import Any, Literal
 
 from ._listing import only
-from ._words import Law, Quantity, Table, table_of
+from ._scene_types import Law, Quantity, Table, table_of
 
 __all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "valve", "voltage"]
 __dir__ = only(__all__)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 from ._listing import only
-from ._words import Quantity, Table, table_of
+from ._scene_types import Quantity, Table, table_of
 
 __all__ = ["constant", "constant_rate", "cycloidal", "cycloidal_start", "harmonic", "polynomial_345", "table"]
 __dir__ = only(__all__)

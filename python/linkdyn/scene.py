@@ -25,7 +25,7 @@ from ._arguments import as_count, as_finite, as_flag, as_floats, as_mapping, as_
 from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
-from ._keys import told_by_keys
+from ._lines_of_dict import told_by_keys
 from ._listing import only
 from ._other_assemblies import count_others
 from ._output import scene_inputs

@@ -5,7 +5,7 @@ module linkdyn_random_record
     use linkdyn_interpreter, only: interpret
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
-    use linkdyn_mix, only: counter_uniform
+    use linkdyn_hash, only: counter_uniform
     use linkdyn_operation, only: op_root, op_reciprocal
     use linkdyn_record, only: new_input, record_type
     use linkdyn_testing, only: test_error, check_close

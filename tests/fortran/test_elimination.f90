@@ -6,7 +6,7 @@ module test_elimination
     use linkdyn_kernel, only: kernel_type, compile_kernel, count_of
     use linkdyn_kinds, only: wp
     use linkdyn_least_squares, only: find_least
-    use linkdyn_mix, only: counter_uniform
+    use linkdyn_hash, only: counter_uniform
     use linkdyn_null_states, only: null_states, find_null_states
     use linkdyn_record, only: record_type, open_record, close_record, new_input
     use linkdyn_system, only: system_type, unknown, require, solve, solved

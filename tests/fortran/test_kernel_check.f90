@@ -4,7 +4,7 @@ module test_kernel_check
     use linkdyn_builder, only: build_model
     use linkdyn_result_kinds, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, &
         result_joint_rate, result_position, result_rotation, result_velocity, result_angular_velocity
-    use linkdyn_controller_kernel, only: controller_kernel, make_controller_kernel
+    use linkdyn_code_kernel, only: controller_kernel, make_controller_kernel
     use linkdyn_equations, only: equations_type, unknown_choice, build_equations, build_no_equations, free_equations, &
         solver_elimination
     use linkdyn_forward_unknowns, only: choose_unknowns

@@ -6,7 +6,7 @@ module test_recorded_rates
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
         finish_forward, method_gbs, method_rk4, method_seulex
     use linkdyn_forward_state, only: fill_start
-    use linkdyn_forward_look, only: wants_looks
+    use linkdyn_step_ends, only: wants_looks
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linkdyn import _words
+from linkdyn import _scene_types
 
 import linkdyn
 from linkdyn import Builder, efforts, laws
@@ -213,11 +213,11 @@ def driven_by(law):
 
 
 def test_nested_tables_are_those_of_the_reader():
-    assert keys_of(_words.Drive) == known(START | {"actuator": [{"joint": "A", "drive": {"zzz": 1}}]})
+    assert keys_of(_scene_types.Drive) == known(START | {"actuator": [{"joint": "A", "drive": {"zzz": 1}}]})
     stiff = START["joint"][0] | {"stiffness": {"zzz": 1}}
-    assert keys_of(_words.Brake) == known(START | {"actuator": [{"joint": "A", "drive": {"ratio": 1, "brake": {"zzz": 1}}}]})
-    assert keys_of(_words.Stiffness) == known(START | {"joint": [stiff], "redundancy": "stiffness"})
-    assert keys_of(_words.Marker) == words(Link.marker, "name")
+    assert keys_of(_scene_types.Brake) == known(START | {"actuator": [{"joint": "A", "drive": {"ratio": 1, "brake": {"zzz": 1}}}]})
+    assert keys_of(_scene_types.Stiffness) == known(START | {"joint": [stiff], "redundancy": "stiffness"})
+    assert keys_of(_scene_types.Marker) == words(Link.marker, "name")
 
 
 def keys_of(table):
@@ -243,7 +243,7 @@ def test_words_are_those_of_the_page():
     assert set(JOINTS) == {word for row in re.findall(r'^\| ("\w+"|`"\w+"`(?:, `"\w+"`)*) \|', parts["joint"], re.M) for word in re.findall(r'"(\w+)"', row)}
     kinds = typing.get_args(typing.get_args(typing.get_type_hints(Builder.chain)["type"])[0])
     assert set(kinds) == set(re.findall(r'^\| `"([^"]+)"`', parts["chain"], re.M))
-    assert keys_of(_words.Drive) == keys_in(page.partition("### The motor behind it")[2].partition("\n## ")[0], "type")
+    assert keys_of(_scene_types.Drive) == keys_in(page.partition("### The motor behind it")[2].partition("\n## ")[0], "type")
     named = set(re.findall(r'^\| `"([\w-]+)"` \|', page.partition("## Laws of time")[2].partition("\n## ")[0], re.M))
     assert {name.replace("_", "-") for name in laws.__all__} == named
     kinds = set(re.findall(r'^\| `"([\w-]+)"` \|', parts["actuator"], re.M))

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from .._pose import quaternion_of
-from .._words import n_copies
+from .._scene_types import n_copies
 from ..errors import InputError
 from ..scene import Scene
 from .robot import Array

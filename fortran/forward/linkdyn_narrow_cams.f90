@@ -1,13 +1,13 @@
 !> Do the stages of a step see the lifts of cams within it?
 !>
 !> A cam that turns evenly while its follower rests asks for no short steps, and no stage of a long one may come upon the next
-!> lift. So the outline is looked at along the way of a step, as laws are (`linkdyn_law_sight`): how far it is from the marker's
+!> lift. So the outline is looked at along the way of a step, as laws are (`linkdyn_narrow_laws`): how far it is from the marker's
 !> point, over the direction in which it is touched, may have no peak or dip that is narrower than the widest gap between stages.
-module linkdyn_cam_sight
+module linkdyn_narrow_cams
     use linkdyn_constants, only: two_pi
     use linkdyn_curve, only: curve_type, curve_point, point_at
     use linkdyn_kinds, only: wp
-    use linkdyn_law_sight, only: narrowest, unwrap, travel, refined, part_before_peak, fewest, most, well_within, noise
+    use linkdyn_narrow_laws, only: narrowest, unwrap, travel, refined, part_before_peak, fewest, most, well_within, noise
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: follower_flat
     implicit none (type, external)
@@ -116,4 +116,4 @@ contains
         part = (at - sight%direction(low))/max(sight%direction(high) - sight%direction(low), tiny(1.0_wp))
         distance = sight%distance(low) + max(0.0_wp, min(1.0_wp, part))*(sight%distance(high) - sight%distance(low))
     end function distance_at
-end module linkdyn_cam_sight
+end module linkdyn_narrow_cams

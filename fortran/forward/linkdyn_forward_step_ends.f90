@@ -1,10 +1,10 @@
 !> The ends of steps, seen by the scene's record: who judges a step, and who goes on from it, shares what has been seen once.
-submodule (linkdyn_forward_system) linkdyn_forward_looks
+submodule (linkdyn_forward_system) linkdyn_forward_step_ends
     use linkdyn_carried_assembly, only: accept_seen
     use linkdyn_coordinate_watch, only: take_rates
     use linkdyn_energy_check, only: note_record
     use linkdyn_followed_angles, only: follow_seen
-    use linkdyn_forward_look, only: see_end, see_energies, see_lanes, seen_angles, is_seen
+    use linkdyn_step_ends, only: see_end, see_energies, see_lanes, seen_angles, is_seen
     use linkdyn_forward_record, only: accept_recorded
     implicit none (type, external)
 
@@ -125,4 +125,4 @@ contains
             call take_rates(self%looks%record%samples%seen(out%compared:out%n, 1), self%watch)
         end associate
     end procedure compare_seen
-end submodule linkdyn_forward_looks
+end submodule linkdyn_forward_step_ends

@@ -1,6 +1,6 @@
 /* A sign of life on the terminal while a program computes: a timer of the system writes it, whatever the program is at. */
-#ifndef LINKDYN_SIGN_H
-#define LINKDYN_SIGN_H
+#ifndef LINKDYN_PROGRESS_LINE_H
+#define LINKDYN_PROGRESS_LINE_H
 
 /* After two seconds, and every half second from then on, a line on standard error. */
 void linkdyn_start_sign(void);

@@ -1,6 +1,6 @@
 !> Joint variables that are given: coordinates, and behind these what gears make of them and of joints that are placed already,
 !> by one number each.
-module linkdyn_given
+module linkdyn_led_coordinates
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_rates, only: measure_one_joint, joint_rate
     use linkdyn_joint_table, only: wraps
@@ -157,4 +157,4 @@ contains
         is_among = .false.
         if (present(own)) is_among = any(own == joint)
     end function is_among
-end module linkdyn_given
+end module linkdyn_led_coordinates

@@ -3,7 +3,7 @@
 !> The rule (`linkdyn_uncertainty`) knows how far a group is from being singular, and takes it that whatever is ill determined
 !> there moves all else. Links that may nearly slide along axes almost parallel move nothing else: their forces keep their
 !> digits. So a sample that the rule alone flags is computed without it, and on the mechanisms of the error estimates.
-module linkdyn_second_look
+module linkdyn_scatter_check
     use linkdyn_error_probe, only: error_probe, make_probe, free_probe
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_records, release_records
@@ -48,4 +48,4 @@ contains
         if (look%is_usable) call free_probe(look%probe)
         look%is_usable = .false.
     end subroutine free_look
-end module linkdyn_second_look
+end module linkdyn_scatter_check

@@ -8,7 +8,7 @@ module linkdyn_evaluated_drives
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, run_on_lanes, first_output, free_lane_space
+    use linkdyn_equations_on_lanes, only: lane_numbers, lane_program, lane_space, run_on_lanes, first_output, free_lane_space
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: effort_constant, effort_table, effort_dc_motor, effort_pd, effort_over
     use linkdyn_shared_programs, only: shared_programs, drives_of, free_drive_kernel, make_drive_kernel

@@ -1,6 +1,6 @@
 !> Kernels that code is generated from: inverse dynamics, forward dynamics, kinematics. The same on every machine: multiply-adds
 !> are formed, and whoever compiles the code says what they become.
-module linkdyn_controller_kernel
+module linkdyn_code_kernel
     use linkdyn_result_kinds, only: result_qdd
     use linkdyn_closing_programs, only: turning_each, trace_group_step, list_group_step
     use linkdyn_force_program, only: trace_forces, trace_redundancy, list_forces
@@ -115,4 +115,4 @@ contains
             end do
         end do
     end subroutine compile_and_name
-end module linkdyn_controller_kernel
+end module linkdyn_code_kernel

@@ -8,7 +8,7 @@
 !> of pieces of that length; a dip, the same of -v. A jump or a kink, which stages on both of its sides see, is neither.
 !>
 !> **Source**: G. Matheron, Random Sets and Integral Geometry, Wiley 1975 (opening by a structuring element).
-module linkdyn_law_sight
+module linkdyn_narrow_laws
     use linkdyn_constants, only: two_pi
     use linkdyn_formula, only: node_symbol
     use linkdyn_kinds, only: wp
@@ -287,4 +287,4 @@ contains
         end do
         least = min(from(:size(least)), up_to(width:))
     end function least_of
-end module linkdyn_law_sight
+end module linkdyn_narrow_laws

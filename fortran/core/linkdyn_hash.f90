@@ -1,6 +1,6 @@
 !> Random numbers and hashes as functions of their arguments alone: any part of a stream can be had without the rest,
 !> in any order and on any thread.
-module linkdyn_mix
+module linkdyn_hash
     use, intrinsic :: iso_c_binding, only: c_char, c_int64_t
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
@@ -39,4 +39,4 @@ contains
 
         mixed = c_hash_bytes(hash, text, len(text, int64))
     end function hash_text
-end module linkdyn_mix
+end module linkdyn_hash

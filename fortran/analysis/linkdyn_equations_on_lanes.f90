@@ -1,6 +1,6 @@
 !> Kernels whose links move as they are told, run on a block of lanes: the motion stands in a kinematic state, all else in arrays of
 !> lanes.
-module linkdyn_lane_programs
+module linkdyn_equations_on_lanes
     use linkdyn_block, only: block_space, block_lanes, make_space, run_block, run_single, put_lanes, take_lanes
     use linkdyn_inputs, only: n_block, in_motion
     use linkdyn_kinds, only: wp
@@ -261,4 +261,4 @@ contains
             if (input(2) > 0) call put_lanes(n, v%y(first), input(2), space)
         end subroutine put_flat
     end subroutine load_motion
-end module linkdyn_lane_programs
+end module linkdyn_equations_on_lanes

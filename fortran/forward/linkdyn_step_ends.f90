@@ -2,7 +2,7 @@
 !>
 !> What is seen are energies, margins of the closed forms, and how what is watched moves (`linkdyn_look_program`). A state of which the
 !> record is not sure is left to the lanes, as everywhere.
-module linkdyn_forward_look
+module linkdyn_step_ends
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch
     use linkdyn_carried_assembly, only: carried_assembly, note_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch
@@ -293,4 +293,4 @@ contains
         look%is_there = .false.
         if (are_seen) call note_first(t, y(:, 1), evaluated, look)
     end subroutine see_energies
-end module linkdyn_forward_look
+end module linkdyn_step_ends

@@ -6,7 +6,7 @@
 !> grow. A companion is a run like any other: it knows nothing of the one it watches.
 !>
 !> docs/theory.md gives the reasoning, docs/accuracy.md how well the estimates hold.
-module linkdyn_watched_run
+module linkdyn_forward_errors
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf, ieee_is_nan
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
@@ -349,4 +349,4 @@ contains
             deallocate (watched%companion(i)%model)
         end do
     end subroutine finish_watched
-end module linkdyn_watched_run
+end module linkdyn_forward_errors

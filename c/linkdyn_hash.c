@@ -1,4 +1,4 @@
-#include "linkdyn_mix.h"
+#include "linkdyn_hash.h"
 
 /* SplitMix64's finalizer: every bit of the input moves about half of the output's. */
 static uint64_t mix(uint64_t z)

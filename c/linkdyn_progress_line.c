@@ -1,5 +1,5 @@
 #define _XOPEN_SOURCE 700
-#include "linkdyn_sign.h"
+#include "linkdyn_progress_line.h"
 
 #include <errno.h>
 #include <signal.h>

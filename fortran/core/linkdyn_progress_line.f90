@@ -1,5 +1,5 @@
 !> A sign of life on the terminal, written by a timer of the system.
-module linkdyn_sign
+module linkdyn_progress_line
     use, intrinsic :: iso_c_binding, only: c_char, c_int
     implicit none (type, external)
     private
@@ -29,4 +29,4 @@ contains
 
         call c_set_sign(text, len(text))
     end subroutine set_sign
-end module linkdyn_sign
+end module linkdyn_progress_line

@@ -1,7 +1,7 @@
 !> Kernels of the plan's steps on a block of lanes: fed with where links are and how they move, and what comes of it put there.
-module linkdyn_lane_kernels
+module linkdyn_steps_on_lanes
     use linkdyn_block, only: block_lanes, make_space, run_block, run_single, put_lanes, take_lanes
-    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
+    use linkdyn_led_coordinates, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_quaternion, in_branch, in_number, in_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -451,4 +451,4 @@ contains
             x = v%z
         end select
     end function part
-end module linkdyn_lane_kernels
+end module linkdyn_steps_on_lanes

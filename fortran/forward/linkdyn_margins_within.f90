@@ -4,7 +4,7 @@
 !> margins are looked at in some places of the step. Of a closed form the margin is the sine of an angle: where it goes no more than one
 !> from place to place, at the largest of its rates, no two change points fit between two places. A step is gone at once if each map
 !> changes the sign of its margin once at most.
-module linkdyn_margin_sight
+module linkdyn_margins_within
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -70,4 +70,4 @@ contains
             last = place
         end do
     end function part_before_return
-end module linkdyn_margin_sight
+end module linkdyn_margins_within
