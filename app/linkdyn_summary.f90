@@ -64,7 +64,8 @@ module linkdyn_summary
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
         type(event_type) :: crossing                            !! samples behind a change point that none before is behind
         integer :: n_passed = 0                                 !! change points, since the start of the motion
-        type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has looked
+        type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has
+                                                                !! looked
         type(event_type), allocatable :: lift(:)                !! of a follower off its cam (n_cam)
         type(event_type), allocatable :: limited(:)             !! of a controller's output (n_controller)
         type(event_type) :: anew                                !! the assembly was found from the start, after failures

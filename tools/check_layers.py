@@ -26,6 +26,9 @@ MAY_USE["api"] = set(ORDER) | {"integrate", "lecture", "api"}
 MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
 
 # What only the named files may mention: (what, pattern in the code, files)
+WIDTH = 132
+"""Of a line of Fortran, comments among it."""
+
 RESERVED = [
     ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["output/linkdyn_netcdf*.f90"]),
     ("C kinds", r"\biso_c_binding\b",
@@ -120,6 +123,7 @@ def find_violations(root: Path) -> list[str]:
         violations += [f"{file}: uses {name} nowhere" for name in idle_imports(text) if "include" not in code]
         for name in {name.lower() for name in BINDS.findall(text)} & layer_of.keys():
             violations.append(f"{file}: binds {name}, the name of a module: gfortran takes one for the other")
+        violations += [f"{file}:{number}: longer than {WIDTH} columns" for number, line in enumerate(text.splitlines(), 1) if len(line) > WIDTH]
         modules = MODULE.findall(code)
         stem = Path(file).stem
         if layer not in ("kinds", "app") and len(modules) > 1:

@@ -2,7 +2,8 @@
 !>
 !> The condition number is that of the lecture's equations: world axes, moments about the centres of mass, as
 !> `linkdyn explain --matrix` prints them; each row divided by its largest entry, then each column, so that
-!> neither units nor the sizes of links count. It comes from kernels that solve them for any right-hand side (`linkdyn_inverse_matrix`).
+!> neither units nor the sizes of links count. It comes from kernels that solve them for any right-hand side
+!> (`linkdyn_inverse_matrix`).
 module linkdyn_condition
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_condition_estimate, only: linear_solver, estimate_inverse_norm
@@ -34,7 +35,8 @@ module linkdyn_condition
         integer :: n = 0                                        !! equations
         type(equation_kernels), pointer :: kernels => null()    !! the matrix
         type(lane_program) :: pose, solve, solve_transposed     !! not made: no pivots serve
-        integer, allocatable :: given(:)                        !! blocks that these take beside the motion, and beside what they find
+        integer, allocatable :: given(:)                        !! blocks that these take beside the motion, and beside what they
+                                                                !! find
     end type condition_type
 
     !> Solutions on a block of lanes.

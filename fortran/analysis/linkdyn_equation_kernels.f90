@@ -139,8 +139,8 @@ contains
         family%head = model
     end subroutine found_for_one
 
-    !> Take the family's kernels in the place of one's own, of which none may be made yet; a model that is not like its head keeps its
-    !> own.
+    !> Take the family's kernels in the place of one's own, of which none may be made yet; a model that is not like its head keeps
+    !> its own.
     subroutine join_family(model, family, kernels)
         type(model_type), intent(in) :: model
         type(kernel_family), pointer, intent(in) :: family

@@ -149,7 +149,8 @@ contains
         type(equations_type), intent(out) :: equations
         type(status_type), intent(inout) :: status
         type(unknown_choice), intent(in), optional :: unknown
-        logical, intent(in), optional :: has_motor_laws    !! given forces come from the scene's laws, also those at motors; absent: false
+        logical, intent(in), optional :: has_motor_laws    !! given forces come from the scene's laws, also those at motors; absent:
+                                                           !! false
         type(equation_choice) :: choice
 
         equations%solver = solver
@@ -484,11 +485,12 @@ contains
         end associate
     end subroutine share_on_lanes
 
-    !> Reactions of the block that is solved, with what joints share of those that the equations leave open. Lanes that are not used repeat
-    !> the last.
+    !> Reactions of the block that is solved, with what joints share of those that the equations leave open. Lanes that are not used
+    !> repeat the last.
     subroutine share_block(model, workspace, reaction, status)
         type(model_type), intent(in) :: model
-        type(equation_workspace), intent(in) :: workspace      !! of links that give way what joints push is wanted (`wanted_to_share`)
+        type(equation_workspace), intent(in) :: workspace      !! of links that give way what joints push is wanted
+                                                               !! (`wanted_to_share`)
         real(wp), intent(inout) :: reaction(:, :, :)   !! (lane, n_component, n_joint) [N, N m]
         integer, intent(inout) :: status(:)            !! `sample_*`: joints may gape (lane)
         real(wp) :: position(3, model%n_link, lanes), rotation(3, 3, model%n_link, lanes)
@@ -578,8 +580,8 @@ contains
         end associate
     end subroutine find_sliding
 
-    !> About the largest force at work: what drives and loads give, and what everything weighs. What comes of these and is not more than
-    !> their rounding is nothing.
+    !> About the largest force at work: what drives and loads give, and what everything weighs. What comes of these and is not more
+    !> than their rounding is nothing.
     pure real(wp) function forces_at_work(model, workspace, lane) result(force)
         type(model_type), intent(in) :: model
         type(equation_workspace), intent(in) :: workspace
@@ -590,9 +592,9 @@ contains
     end function forces_at_work
 
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
-    !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`). What
-    !> drives lose is found that way at once: they are few, and a poor screw loses more than half. So is all else where it is known
-    !> already what each contact does, or costs less to find than rounds.
+    !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`).
+    !> What drives lose is found that way at once: they are few, and a poor screw loses more than half. So is all else where it is
+    !> known already what each contact does, or costs less to find than rounds.
     subroutine settle_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
@@ -942,9 +944,9 @@ contains
         call judge_small_pivots(equations, least, workspace)
     end subroutine solve_by_gauss_jordan
 
-    !> Where a pivot is so small that rounding may have made it, the dense solver's condition number says whether the sample is singular:
-    !> one rule for all solvers. That takes all rows and columns for as large as each other: one that is nothing but rounding is told by
-    !> its size.
+    !> Where a pivot is so small that rounding may have made it, the dense solver's condition number says whether the sample is
+    !> singular: one rule for all solvers. That takes all rows and columns for as large as each other: one that is nothing but
+    !> rounding is told by its size.
     subroutine judge_small_pivots(equations, least, workspace)
         type(equations_type), intent(in) :: equations
         real(wp), intent(in) :: least(lanes, 2)        !! pivot, over the largest entry of its column, and of the matrix

@@ -1,8 +1,9 @@
 !> Friction that fits the reactions which it changes: one sample, by continuation.
 !>
-!> Reactions are linear in the friction of the contacts, friction is not in the reactions. Its coefficients grow from zero, where there
-!> is none, to what they are; Newton's method follows. As long as the solution goes on smoothly the determinant of the equations stays positive.
-!> Where it does not, forces grow beyond all bounds before friction is what it should be: the mechanism holds itself fast.
+!> Reactions are linear in the friction of the contacts, friction is not in the reactions. Its coefficients grow from zero, where
+!> there is none, to what they are; Newton's method follows. As long as the solution goes on smoothly the determinant of the
+!> equations stays positive. Where it does not, forces grow beyond all bounds before friction is what it should be: the mechanism
+!> holds itself fast.
 module linkdyn_friction_balance
     use linkdyn_contact, only: contact_type, n_press, pressing, pressing_slope
     use linkdyn_kinds, only: wp
@@ -10,8 +11,8 @@ module linkdyn_friction_balance
     private
     public :: balance_friction, driven_press
 
-    !> What teeth that drive wheels apart press contacts with: as large as the force along their pitch circles makes it, which is linear in
-    !> the friction of the contacts, too.
+    !> What teeth that drive wheels apart press contacts with: as large as the force along their pitch circles makes it, which is
+    !> linear in the friction of the contacts, too.
     type :: driven_press
         integer, allocatable :: contact(:)             !! that feels it (n)
         real(wp), allocatable :: force(:)              !! without friction (n) [N]
@@ -114,8 +115,9 @@ contains
             end do
         end function left_over
 
-        !> On whose coefficient it hangs most that nothing is left: the largest product of both null vectors' components, which is how
-        !> the eigenvalue that vanishes changes with each coefficient. What is only pressed by the others has no part in it, however hard.
+        !> On whose coefficient it hangs most that nothing is left: the largest product of both null vectors' components, which is
+        !> how the eigenvalue that vanishes changes with each coefficient. What is only pressed by the others has no part in it,
+        !> however hard.
         pure integer function most_involved(part, amount) result(most)
             real(wp), intent(in) :: part               !! of the coefficients
             real(wp), intent(in) :: amount(:)

@@ -16,11 +16,12 @@ module linkdyn_friction_state
         real(wp), allocatable :: press(:, :, :)        !! what contacts feel (lane, n_press, contact) [N]
         real(wp), allocatable :: amount(:, :)          !! friction over the speed of the surfaces [N s/m]; of drives friction at the
                                                        !! joint variable [N, N m] (lane, contact)
-        real(wp), allocatable :: sense(:, :, :)        !! of contacts that may stick: they slide that way, a unit vector over the joint
-                                                       !! variables along which they do, its parts as surfaces slide, or hold, (2, 0, 0);
-                                                       !! 0: smooth over their speed (lane, n_part, contact)
-        real(wp), allocatable :: driven(:, :, :)       !! of that, what drives wheels apart: the force along their pitch circles (0), and
-                                                       !! what is felt for each newton of its size (lane, 0:n_press, model%driven)
+        real(wp), allocatable :: sense(:, :, :)        !! of contacts that may stick: they slide that way, a unit vector over the
+                                                       !! joint variables along which they do, its parts as surfaces slide, or hold,
+                                                       !! (2, 0, 0); 0: smooth over their speed (lane, n_part, contact)
+        real(wp), allocatable :: driven(:, :, :)       !! of that, what drives wheels apart: the force along their pitch circles
+                                                       !! (0), and what is felt for each newton of its size (lane, 0:n_press,
+                                                       !! model%driven)
         ! ---- what each amount does to what presses, wherever stops and clutches push
         real(wp), allocatable :: slope(:, :, :, :)     !! (lane, n_press, contact, contact)
         real(wp), allocatable :: mesh_slope(:, :, :)   !! and to forces along pitch circles (lane, model%driven, contact)
@@ -41,8 +42,8 @@ contains
                   friction%sense(lanes, n_part, n), source=0.0_wp)
     end subroutine prepare_friction
 
-    !> Factors of the joints' contacts, by how fast they slide. One that holds does not rub, one that slides one way rubs as a surface does
-    !> that slides, however slowly.
+    !> Factors of the joints' contacts, by how fast they slide. One that holds does not rub, one that slides one way rubs as a
+    !> surface does that slides, however slowly.
     pure subroutine find_factors(contact, square, friction)
         type(contact_type), intent(in) :: contact(:)
         real(wp), intent(in) :: square(:, :)           !! of the speeds of their surfaces (lane, contact) [m2/s2]
@@ -103,7 +104,8 @@ contains
         end do
     end subroutine pressing_forces
 
-    !> Is friction what presses makes it, but for rounding? What presses by less than a trifle of the forces at work is all rounding.
+    !> Is friction what presses makes it, but for rounding? What presses by less than a trifle of the forces at work is all
+    !> rounding.
     pure logical function rubs_as_pressed(factor, force, amount, at_work)
         real(wp), intent(in) :: factor(:), force(:), amount(:)     !! see `friction_state`, of one lane (contact)
         real(wp), intent(in) :: at_work                !! the largest force about [N, N m]

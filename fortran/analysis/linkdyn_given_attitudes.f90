@@ -1,7 +1,7 @@
 !> Attitudes that a caller knows as quaternions, with angular velocity and acceleration, as coordinates of the scene.
 !>
-!> Where none of a sample's attitudes is near its pole the angles' rates tell the same motion, and the sample is computed as any other.
-!> Else all attitudes of the sample go by their quaternions.
+!> Where none of a sample's attitudes is near its pole the angles' rates tell the same motion, and the sample is computed as any
+!> other. Else all attitudes of the sample go by their quaternions.
 module linkdyn_given_attitudes
     use linkdyn_angles, only: angles_of_matrix, matrix_of_angles, matrix_of_quaternion, quaternion_of_matrix, find_rotation_fault, &
         spin_of_angles, angles_by_spin, is_near_pole
@@ -101,9 +101,9 @@ contains
         end do
     end subroutine take_attitudes
 
-    !> The angles of the same attitude to which the way from the start is shortest: mechanisms that are assembled in several ways are
-    !> led along it. Half a turn more of roll and yaw and pitch beyond a right angle are the same attitude, and so are whole turns.
-    !> At pitch p a way of (r, y) is sqrt(r^2 + y^2 + 2 r y sin(p)) long: near a pole roll and yaw count together.
+    !> The angles of the same attitude to which the way from the start is shortest: mechanisms that are assembled in several ways
+    !> are led along it. Half a turn more of roll and yaw and pitch beyond a right angle are the same attitude, and so are whole
+    !> turns. At pitch p a way of (r, y) is sqrt(r^2 + y^2 + 2 r y sin(p)) long: near a pole roll and yaw count together.
     pure function nearest_angles(angle, start) result(nearest)
         real(wp), intent(in) :: angle(3), start(3)     !! [rad]
         real(wp) :: nearest(3)

@@ -1,5 +1,5 @@
-!> What the equations take beside the motion of the links, on a block of lanes: coordinates as they are told, loads, what laws over the state
-!> give, the frame's motion, payloads, pushes.
+!> What the equations take beside the motion of the links, on a block of lanes: coordinates as they are told, loads, what laws over
+!> the state give, the frame's motion, payloads, pushes.
 module linkdyn_given_numbers
     use linkdyn_base_motion, only: n_base, evaluate_base
     use linkdyn_constants, only: two_pi

@@ -1,5 +1,5 @@
-!> From what the law of an actuator gives to the torque of its motor: the torque itself, or the voltage of a direct current motor, whose
-!> turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
+!> From what the law of an actuator gives to the torque of its motor: the torque itself, or the voltage of a direct current motor,
+!> whose turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
 module linkdyn_motor_laws
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: motor_spec, switch_spec, actuator_spec, side_voltage, law_none
@@ -32,9 +32,9 @@ contains
         has_winding = actuator%law%side == side_voltage .and. actuator%motor%inductance > 0
     end function has_winding
 
-    !> What of the voltage resistance and turning rotor leave makes the current grow. Where that would lead it past what limits leave of
-    !> it, the drive cuts the voltage: its current controller leads the current there as fast as it can, in a small part of the time
-    !> that the winding takes by itself.
+    !> What of the voltage resistance and turning rotor leave makes the current grow. Where that would lead it past what limits
+    !> leave of it, the drive cuts the voltage: its current controller leads the current there as fast as it can, in a small part of
+    !> the time that the winding takes by itself.
     elemental real(wp) function current_rate(motor, voltage, current, speed) result(rate)
         type(motor_spec), intent(in) :: motor
         real(wp), intent(in) :: voltage, current       !! [V, A]
@@ -67,8 +67,8 @@ contains
 
     contains
 
-        !> Straight lines between its rows. Beyond the last one nothing drives, but for a steep slope, so that no law jumps there. What
-        !> brakes is no less than in the last row that has a torque, however fast: a motor at its top speed can be stopped.
+        !> Straight lines between its rows. Beyond the last one nothing drives, but for a steep slope, so that no law jumps there.
+        !> What brakes is no less than in the last row that has a torque, however fast: a motor at its top speed can be stopped.
         pure real(wp) function torque_on_curve(at, brakes)
             real(wp), intent(in) :: at
             logical, intent(in) :: brakes

@@ -1,14 +1,14 @@
 !> From a driving force to the motor behind a gear or screw: torque, speed, power, current, and what the transmission loses.
 !>
-!> The motor turns n times as fast as the joint variable s. Of the driving force F the part F' gets to the links, the rest accelerates the
-!> rotor, and the motor gives what friction in the transmission takes besides: n T = F + R. With the efficiency eta while the motor
-!> drives (F' s' > 0), and eta_b while the load does,
+!> The motor turns n times as fast as the joint variable s. Of the driving force F the part F' gets to the links, the rest
+!> accelerates the rotor, and the motor gives what friction in the transmission takes besides: n T = F + R. With the efficiency eta
+!> while the motor drives (F' s' > 0), and eta_b while the load does,
 !>
 !>     R = F' (1/eta - 1),    or    F' (eta_b - 1).
 !>
-!> An eta_b below zero is that of a transmission which locks itself: the motor has to drive the load down, too. A motor slower than `still`
-!> stands still, and R is zero: friction then takes up to its share either way. In forward runs by laws at the motor R goes to zero as
-!> tanh(n s'/creep), as the motion has it there (`linkdyn_transmission_losses`).
+!> An eta_b below zero is that of a transmission which locks itself: the motor has to drive the load down, too. A motor slower than
+!> `still` stands still, and R is zero: friction then takes up to its share either way. In forward runs by laws at the motor R goes
+!> to zero as tanh(n s'/creep), as the motion has it there (`linkdyn_transmission_losses`).
 module linkdyn_motor_loads
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: motor_spec

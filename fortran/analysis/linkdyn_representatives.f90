@@ -24,7 +24,8 @@ module linkdyn_representatives
     !> Links of mechanisms whose records are made at once: that takes some milliseconds, and as much for every further thirty or so.
     integer, parameter :: few_links = 50
 
-    !> Poses that stand for a scene, and how it is assembled there. Chosen once: groups closed by iteration are led to each from the start.
+    !> Poses that stand for a scene, and how it is assembled there. Chosen once: groups closed by iteration are led to each from the
+    !> start.
     type :: representative_poses
         real(wp), allocatable :: q(:, :)                        !! (n_q, n), n at most n_wanted_pose; not allocated: not chosen yet
         type(sample_assembly) :: assembly                       !! there

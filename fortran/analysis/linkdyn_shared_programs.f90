@@ -1,5 +1,5 @@
-!> What is traced of a mechanism that is set going, for all who set it going: made by the first who needs it, freed when the last one
-!> has left. Who holds it may come and go on any thread.
+!> What is traced of a mechanism that is set going, for all who set it going: made by the first who needs it, freed when the last
+!> one has left. Who holds it may come and go on any thread.
 module linkdyn_shared_programs
     use linkdyn_equation_kernels, only: kernel_family, found_for_one, end_family
     use linkdyn_equation_programs, only: make_drive_program

@@ -1,12 +1,14 @@
 !> What gears and screws lose where the motor's torque is given, on lanes.
 !>
-!> Of the force n T that the motor of torque T gives at the joint variable s, and of which its rotor takes I s'', friction in the transmission takes
-!> R against the motion, and F' = n T - R - I s'' gets to the links. An efficiency says how large R is by what is transmitted,
+!> Of the force n T that the motor of torque T gives at the joint variable s, and of which its rotor takes I s'', friction in the
+!> transmission takes R against the motion, and F' = n T - R - I s'' gets to the links. An efficiency says how large R is by what is
+!> transmitted,
 !>
 !>     R = c |F'| tanh(n s'/creep),   c = 1/eta - 1 while the motor drives (F' s' > 0),   1 - eta_b while the load does,
 !>
-!> so it is one more friction that comes from the forces it changes: `linkdyn_equations` finds it together with that of joints. A drive is a
-!> contact of the form `form_drive` there, pressed by F' in the direction of the motion; its `factor` is |tanh|, its `amount` |R|.
+!> so it is one more friction that comes from the forces it changes: `linkdyn_equations` finds it together with that of joints. A
+!> drive is a contact of the form `form_drive` there, pressed by F' in the direction of the motion; its `factor` is |tanh|, its
+!> `amount` |R|.
 module linkdyn_transmission_losses
     use linkdyn_contact, only: contact_type, form_drive
     use linkdyn_friction_state, only: friction_state
@@ -61,7 +63,8 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)
         real(wp), intent(in) :: sense(:, :)
-        real(wp), intent(in) :: transmitted(:, :)      !! of driving forces, less what is lost and what rotors take (lane, n_actuator)
+        real(wp), intent(in) :: transmitted(:, :)      !! of driving forces, less what is lost and what rotors take (lane,
+                                                       !! n_actuator)
         type(friction_state), intent(inout) :: friction
         integer :: i, k
 

@@ -1,9 +1,9 @@
 !> Joint angles along a motion count their turns.
 !>
-!> An angle that is a coordinate is what the coordinate is; the others begin within half a turn of zero. Who has followed the angles on
-!> their way, as a forward run does, says where they are about at each sample. Else they turn from sample to sample at the mean of
-!> their rates at both ends of the straight way between these (`turn_at_mean_rates`), where that can be believed; whoever calls looks
-!> closer where it cannot.
+!> An angle that is a coordinate is what the coordinate is; the others begin within half a turn of zero. Who has followed the angles
+!> on their way, as a forward run does, says where they are about at each sample. Else they turn from sample to sample at the mean
+!> of their rates at both ends of the straight way between these (`turn_at_mean_rates`), where that can be believed; whoever calls
+!> looks closer where it cannot.
 module linkdyn_turns
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_joint_table, only: wraps, goes_round
@@ -187,9 +187,9 @@ contains
         end function is_at_pole
     end subroutine turn_at_mean_rates
 
-    !> Does nothing turn by as much on a straight step as could be a turn, so that `turn_at_mean_rates` is surely sure and `count_sample`
-    !> finds nothing to count? Angles have their turns at the beginning, and are told with the same ones at the end; coordinates are
-    !> within a step of that. All joint variables are asked, which a compiler does side by side.
+    !> Does nothing turn by as much on a straight step as could be a turn, so that `turn_at_mean_rates` is surely sure and
+    !> `count_sample` finds nothing to count? Angles have their turns at the beginning, and are told with the same ones at the end;
+    !> coordinates are within a step of that. All joint variables are asked, which a compiler does side by side.
     pure logical function keeps_turns(angles, q, q_there, qd, qd_there, rate, rate_there, value, value_there) result(keeps)
         type(turning_angles), intent(in) :: angles
         real(wp), intent(in), contiguous :: q(:), q_there(:)     !! at the step's beginning and end (n_q)

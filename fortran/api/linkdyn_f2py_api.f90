@@ -343,7 +343,8 @@ contains
         integer(c_int), intent(in) :: n, n_q_values, n_attitude, n_load_values
         real(c_double), intent(in) :: t(n)                                 ! [s]
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)  ! (n_q, n)
-        real(c_double), intent(inout), target :: attitude(n_attitude)      ! as of `evaluate_motion` (10, n_attitude, n); one: unasked
+        real(c_double), intent(inout), target :: attitude(n_attitude)      ! as of `evaluate_motion` (10, n_attitude, n); one:
+                                                                           ! unasked
         real(c_double), intent(inout), target :: load(n_load_values)       ! (6, n_load, n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -500,7 +501,8 @@ contains
         integer(c_int), intent(in) :: n, n_q_values, n_load_values
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values)    ! (n_q, n)
         real(c_double), intent(in) :: t(n)                                     ! [s]
-        real(c_double), intent(inout), target :: load(n_load_values)           ! (6, n_load, n) those of time, with the others behind
+        real(c_double), intent(inout), target :: load(n_load_values)           ! (6, n_load, n) those of time, with the others
+                                                                               ! behind
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene

@@ -110,7 +110,8 @@ contains
 
     !> Integrate to an instant; its results are in the block.
     !>
-    !> **Errors**: `status_bad_input` for an instant before that of the run or one that a table has no rows for, `status_stopped`, `status_no_result`.
+    !> **Errors**: `status_bad_input` for an instant before that of the run or one that a table has no rows for, `status_stopped`,
+    !> `status_no_result`.
     subroutine go_to_instant(run, t, status)
         type(open_run), intent(inout) :: run
         real(wp), intent(in) :: t                  !! [s]

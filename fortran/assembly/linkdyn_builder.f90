@@ -89,8 +89,8 @@ contains
                   //"(expected as many actuators as coordinates)")
     end subroutine refuse_shared_work
 
-    !> Choose branches that let all loops close: in an over-constrained mechanism not every way to close one does. Where nothing else chooses, such a way
-    !> is taken that does; if there is none, the model stays as it is.
+    !> Choose branches that let all loops close: in an over-constrained mechanism not every way to close one does. Where nothing
+    !> else chooses, such a way is taken that does; if there is none, the model stays as it is.
     subroutine choose_fitting_branches(scene, model, closed_forms)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(inout) :: model

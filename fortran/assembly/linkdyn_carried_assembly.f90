@@ -25,8 +25,8 @@ module linkdyn_carried_assembly
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
     public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, secant, take_branches
 
-    !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
-    !> method that controls its steps tries the like by the hundred.
+    !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between,
+    !> and a method that controls its steps tries the like by the hundred.
     real(wp), parameter :: longest_step = 63
 
     !> Strides, half a turn: beyond these a loop may have passed two change points, of which a state tried tells nothing.
@@ -229,8 +229,8 @@ contains
         end do
     end subroutine predict_places
 
-    !> The groups' links where somebody else's steps lead from there: lanes find little left to do. What does not converge as it must
-    !> stays where it is predicted.
+    !> The groups' links where somebody else's steps lead from there: lanes find little left to do. What does not converge as it
+    !> must stays where it is predicted.
     subroutine close_ahead(model, closer, state)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
@@ -372,8 +372,8 @@ contains
         call go_on_to_state(model, t, goes, margin, drift, assembly)
     end subroutine accept_assembly
 
-    !> The same where somebody else has looked at the accepted states, and left no doubt that they are on this assembly. The groups' links
-    !> are at one place on all lanes. `assembly%state` holds coordinates and rates, no more.
+    !> The same where somebody else has looked at the accepted states, and left no doubt that they are on this assembly. The groups'
+    !> links are at one place on all lanes. `assembly%state` holds coordinates and rates, no more.
     subroutine accept_seen(model, t, is_accepted, margin, drift, place, column, assembly)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(lanes)               !! [s]

@@ -28,8 +28,8 @@ contains
         lengths = found(:, 3)
     end subroutine see_dyad
 
-    !> Transmission angles of all dyads, 0 (a dead point) to pi/2 (best): between the two ways. Of hinged links it is the angle between the links, folded
-    !> into the first quadrant.
+    !> Transmission angles of all dyads, 0 (a dead point) to pi/2 (best): between the two ways. Of hinged links it is the angle
+    !> between the links, folded into the first quadrant.
     subroutine transmission_angles(model, state, angle)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -62,8 +62,8 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         logical, intent(out) :: is_uncertain(lanes)
-        !> Of the sine, down to which nothing is uncertain, whatever the motion: no gap exceeds twice the speed, and none of the three
-        !> parts the `whole`; so it is below 8 eps/s^4. Twice that leaves room for rounding.
+        !> Of the sine, down to which nothing is uncertain, whatever the motion: no gap exceeds twice the speed, and none of the
+        !> three parts the `whole`; so it is below 8 eps/s^4. Twice that leaves room for rounding.
         real(wp), parameter :: least_square = sqrt(16*epsilon(1.0_wp)/largest_uncertainty)
         real(wp), dimension(lanes) :: determinant, product, lengths
         real(wp), allocatable :: q(:, :)

@@ -271,8 +271,8 @@ contains
 
     contains
 
-        !> From the outer to the inner hinge of a half of the dyad, whose slide, if it has one, a coordinate draws out; below zero if
-        !> gears do.
+        !> From the outer to the inner hinge of a half of the dyad, whose slide, if it has one, a coordinate draws out; below zero
+        !> if gears do.
         pure real(wp) function arm_of(step, k) result(length)
             type(step_type), intent(in) :: step
             integer, intent(in) :: k

@@ -5,8 +5,8 @@
 !> (`linkdyn_pointed_links`). With threads the third sets out from the starting positions as the links that are placed have taken
 !> them along (`linkdyn_drawn_links`). The others set out from variables at random. Each is
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
-!> (`linkdyn_start_distance`). Where none closes, a Delta led by its tool whose elbows nobody has described, there are more rounds of
-!> attempts. The outcome depends on the scene alone.
+!> (`linkdyn_start_distance`). Where none closes, a Delta led by its tool whose elbows nobody has described, there are more rounds
+!> of attempts. The outcome depends on the scene alone.
 module linkdyn_group_start
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
@@ -43,8 +43,8 @@ module linkdyn_group_start
         integer :: n = 0
         logical :: apart_by_lines = .false.                !! only those are listed whose joints lie on other lines
         real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
-        real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where the first attempt that closes
-                                                           !! what is not let go has come to
+        real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where the first attempt that
+                                                           !! closes what is not let go has come to
         logical :: any_closed = .false.                    !! has one?
         real(wp) :: given = huge(1.0_wp)                   !! how far that is: see `start_distance`
         real(wp) :: others = huge(1.0_wp)
@@ -83,7 +83,8 @@ contains
             end do
         end if
         n_found = merge(0, found%n, is_known)
-        ! What is let go may hold links that are placed later, or fit with another branch of the steps before: who has placed all will see.
+        ! What is let go may hold links that are placed later, or fit with another branch of the steps before: who has placed all
+        ! will see.
         if (found%any_closed) then
             state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
@@ -93,8 +94,8 @@ contains
         end if
     end subroutine find_group_start
 
-    !> All assemblies of a group: attempts go on until those that found none number several times those before. Assemblies that differ
-    !> by links turned about their own lines alone, as legs are between a universal joint and a ball, count as one.
+    !> All assemblies of a group: attempts go on until those that found none number several times those before. Assemblies that
+    !> differ by links turned about their own lines alone, as legs are between a universal joint and a ball, count as one.
     subroutine find_every_start(model, step, state, place, is_exhausted)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -167,7 +168,8 @@ contains
         end do
     end subroutine list_attempts
 
-    !> Note the attempts that have arrived somewhere, at most as many as there are lanes: assemblies that are new, and the nearest so far.
+    !> Note the attempts that have arrived somewhere, at most as many as there are lanes: assemblies that are new, and the nearest
+    !> so far.
     subroutine note_assemblies(model, g, place, has_arrived, state, found)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g                           !! the group's number
@@ -267,8 +269,8 @@ contains
         end do
     end function is_new
 
-    !> Do all joints lie on the same lines, whichever way round, and at the same points? So do those of the same assembly, and of one
-    !> whose legs are turned about themselves.
+    !> Do all joints lie on the same lines, whichever way round, and at the same points? So do those of the same assembly, and of
+    !> one whose legs are turned about themselves.
     pure logical function is_alike(model, group, a, b)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -297,8 +299,8 @@ contains
         end do
     end function is_alike
 
-    !> Do two attempts leave the group's links in the same places? (Contiguous, since gfortran 12 hands on parts of a strided array that has
-    !> another name as if it were.)
+    !> Do two attempts leave the group's links in the same places? (Contiguous, since gfortran 12 hands on parts of a strided array
+    !> that has another name as if it were.)
     pure logical function is_same(model, group, a, b)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -393,8 +395,8 @@ contains
 
     contains
 
-        !> Variables of joint i of the group: given by a coordinate, else its start, and beyond the second attempt some other, at first
-        !> near the start, then anywhere.
+        !> Variables of joint i of the group: given by a coordinate, else its start, and beyond the second attempt some other, at
+        !> first near the start, then anywhere.
         function variables(i) result(q)
             integer, intent(in) :: i
             real(wp) :: q(lanes, 3), reach
@@ -446,8 +448,8 @@ contains
         end do
     end function is_led
 
-    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other. One that has
-    !> the orientation of another link, or of the frame, stands as that does.
+    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other. One that
+    !> has the orientation of another link, or of the frame, stands as that does.
     subroutine put_led_link(model, group, link, first, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group

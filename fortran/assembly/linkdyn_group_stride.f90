@@ -21,7 +21,8 @@ module linkdyn_group_stride
 
     !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
     type :: group_stride
-        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, sample); of strides who asks has them
+        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, sample); of strides who asks has
+                                                    !! them
         real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, sample)
         real(wp), allocatable :: margin(:, :)       !! (n_group, sample)
         real(wp), allocatable :: drift(:, :)        !! its rate along the way (n_group, sample)
@@ -32,7 +33,8 @@ module linkdyn_group_stride
         real(wp), allocatable :: thread_rate_there(:, :) !! (thread, sample)
         logical, allocatable :: is_closed(:)        !! (sample)
         logical, allocatable :: is_explained(:)     !! of strides: rates explain surely how links have come from the sample before
-        logical, allocatable :: is_short(:)         !! of strides: the step from the sample before is believed without rates and drifts
+        logical, allocatable :: is_short(:)         !! of strides: the step from the sample before is believed without rates and
+                                                    !! drifts
     end type group_stride
 
     !> What a stride leaves to the one that sets out where it ended.

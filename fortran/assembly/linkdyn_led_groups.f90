@@ -16,8 +16,8 @@ module linkdyn_led_groups
     public :: lead_places
 
     integer, parameter :: spare_tries = 30           !! of a way, beside those for its strides
-    integer, parameter :: haste = 12                 !! likewise, where lanes go the ways that are not smooth: to a limit of reach it is
-                                                     !! about ten
+    integer, parameter :: haste = 12                 !! likewise, where lanes go the ways that are not smooth: to a limit of reach
+                                                     !! it is about ten
 
     type, extends(follower) :: led_groups
         type(model_type), pointer :: model => null()

@@ -17,7 +17,8 @@ module linkdyn_margin_source
             class(margin_source), intent(in) :: self
             real(wp), intent(in), contiguous, target :: at(:, :), way(:, :)           !! (n_q, n)
             real(wp), intent(in), contiguous, target :: branch(:)                     !! on which assembly (n_branch)
-            real(wp), intent(in), contiguous, target :: place(:, :, :)                !! of groups' links (place_size, n_link, n or 0)
+            real(wp), intent(in), contiguous, target :: place(:, :, :)                !! of groups' links (place_size, n_link, n or
+                                                                                      !! 0)
             real(wp), intent(out), contiguous, target :: margin(:, :), drift(:, :)    !! (n_branch, n)
             logical, intent(out) :: is_closed(:)                                      !! (n)
         end subroutine find_margins

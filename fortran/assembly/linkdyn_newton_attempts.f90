@@ -71,8 +71,8 @@ contains
         end subroutine take_next
     end subroutine close_attempts
 
-    !> Put a group's links where the iteration stands, and see how far their joints are slid; flagged `not_converged` where an axis is
-    !> turned end for end.
+    !> Put a group's links where the iteration stands, and see how far their joints are slid; flagged `not_converged` where an axis
+    !> is turned end for end.
     subroutine look_at_place(model, g, state)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g                         !! the group's number

@@ -1,9 +1,9 @@
 !> An Assur group closed by Newton's method, in a plane or in space: the iteration, which is the same for both.
 !>
 !> The constraints, their matrix and the rates that follow from it are in `linkdyn_group_closing`. With every matrix A go some
-!> further right-hand sides, which tell how near A is to being singular: the length of A^-1 v, v any vector, grows as the inverse of the smallest singular value. Its inverse with
-!> the sign of the determinant is the group's *margin* (see `linkdyn_following`). Lengths count as parts of the
-!> mechanism's size, so that it has no unit.
+!> further right-hand sides, which tell how near A is to being singular: the length of A^-1 v, v any vector, grows as the inverse of
+!> the smallest singular value. Its inverse with the sign of the determinant is the group's *margin* (see `linkdyn_following`).
+!> Lengths count as parts of the mechanism's size, so that it has no unit.
 !>
 !> On a way, where velocities are wanted besides, all this may come from a record of the group (`closer`): the same numbers but
 !> for rounding. Lanes of which that is not sure are computed here.
@@ -40,10 +40,10 @@ module linkdyn_newton_group
 
 contains
 
-    !> The vectors v of every group, and the units of its corrections: of a length its size, or how far the link's joints are from the
-    !> link's origin, which goes so far if the link turns; 1 for an angle.
-    !> Where the matrix is nearly singular, what counts of v is its part along one direction. Of random numbers that part
-    !> is about one, whatever symmetries the mechanism has, and that it should be small for both vectors is unlikely.
+    !> The vectors v of every group, and the units of its corrections: of a length its size, or how far the link's joints are from
+    !> the link's origin, which goes so far if the link turns; 1 for an angle. Where the matrix is nearly singular, what counts of v
+    !> is its part along one direction. Of random numbers that part is about one, whatever symmetries the mechanism has, and that it
+    !> should be small for both vectors is unlikely.
     subroutine prepare_margins(model)
         type(model_type), intent(inout) :: model
         integer :: g, i, k, n, freedom
@@ -169,7 +169,8 @@ contains
             end do
         end function farthest_marker
 
-        !> Does a link of the dyad turn between two hinges, or is it a crank or rod? One that a slide draws out has no length to count on.
+        !> Does a link of the dyad turn between two hinges, or is it a crank or rod? One that a slide draws out has no length to
+        !> count on.
         pure logical function has_arm(step, k)
             type(step_type), intent(in) :: step
             integer, intent(in) :: k

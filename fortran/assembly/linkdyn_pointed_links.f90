@@ -26,8 +26,8 @@ module linkdyn_pointed_links
 
 contains
 
-    !> Links of a group on a lane: those that the scene gives a start, and those that hang on known ones by joints that are given, are where
-    !> they belong.
+    !> Links of a group on a lane: those that the scene gives a start, and those that hang on known ones by joints that are given,
+    !> are where they belong.
     subroutine point_links(model, group, lane, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group

@@ -71,7 +71,8 @@ contains
         type(sample_assembly), intent(out) :: assembly
         class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
         type(known_nodes), intent(inout), optional :: known             !! of these steps
-        integer, parameter :: many = 256             !! samples, of which some may share a node: of fewer, no bit depends on the others
+        integer, parameter :: many = 256             !! samples, of which some may share a node: of fewer, no bit depends on the
+                                                     !! others
         integer, parameter :: worth = 2              !! samples a node, on average: leading to it takes some samples' time
         class(group_closer), pointer :: steps
         real(wp), allocatable :: least(:, :)
@@ -389,8 +390,8 @@ contains
     !> Can what was found from a node be but where a straight way from the start leads, as far as margins and threads tell?
     !>
     !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as far as the step
-    !> leads across it, at most. There a margin differs by about what it changes by across, unless the way leads through a narrow place:
-    !> what changes there nobody has asked.
+    !> leads across it, at most. There a margin differs by about what it changes by across, unless the way leads through a narrow
+    !> place: what changes there nobody has asked.
     pure logical function keeps_margins(model, start, tangents, least, across, found, i) result(keeps)
         type(model_type), intent(in) :: model
         type(group_stride), intent(in) :: start, tangents    !! at the start and at the node

@@ -288,8 +288,8 @@ contains
         end do
     end subroutine scale_groups
 
-    !> What joints share by: how they and the links' arms give way, so that all energies are s**2 times those of the model, and how far
-    !> they are off.
+    !> What joints share by: how they and the links' arms give way, so that all energies are s**2 times those of the model, and how
+    !> far they are off.
     pure subroutine scale_shares(model, scale, similar)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: scale

@@ -64,8 +64,8 @@ contains
         is_closed = any(step%kind == [step_csp, step_hung]) .or. has_rod(step%kind)
     end function is_closed
 
-    !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways those
-    !> that a `branch` leaves.
+    !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways
+    !> those that a `branch` leaves.
     recursive subroutine choose_way(model, i, state, nearest)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i                           !! step of the plan

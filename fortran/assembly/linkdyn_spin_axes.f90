@@ -1,10 +1,10 @@
 !> At which ball an idle spin is held, and by what directions.
 !>
 !> A direction of the link beyond the ball is kept square to one of the spinning link. It fails where the line of the spinning
-!> link comes to lie along it, so it should stay far from that line in all the motion. The axis of a hinge about which the link beyond
-!> turns is such a direction if it is far from the line at the start, whichever way the hinge is turned. Of a link that hardly
-!> turns, the frame or a platform, one square to the line at the start is as good. A cylindrical joint holds for good, but what it
-!> has as a variable of its own is lost: it does so where a ball is wanted for another spin.
+!> link comes to lie along it, so it should stay far from that line in all the motion. The axis of a hinge about which the link
+!> beyond turns is such a direction if it is far from the line at the start, whichever way the hinge is turned. Of a link that
+!> hardly turns, the frame or a platform, one square to the line at the start is as good. A cylindrical joint holds for good, but
+!> what it has as a variable of its own is lost: it does so where a ball is wanted for another spin.
 module linkdyn_spin_axes
     use linkdyn_cross, only: cross
     use linkdyn_idle_spin, only: idle_spin, square_to
@@ -15,8 +15,8 @@ module linkdyn_spin_axes
     private
     public :: choose_holds
 
-    !> What a direction square to the line is worth, against the sine between the line and a hinge's axis: the frame does not turn, a
-    !> platform turns by less than a right angle, a crank all the way round.
+    !> What a direction square to the line is worth, against the sine between the line and a hinge's axis: the frame does not turn,
+    !> a platform turns by less than a right angle, a crank all the way round.
     real(wp), parameter :: worth_in_frame = 0.9_wp, worth_in_platform = 0.8_wp, worth_in_crank = 0.2_wp
     real(wp), parameter :: worth_of_collar = -1, tried = -2    !! less than that of any ball
     !> No symmetry of a mechanism has its line just there: for as long as nobody knows where the links are.

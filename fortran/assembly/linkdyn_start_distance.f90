@@ -2,7 +2,8 @@
 !>
 !> A joint counts the squares of its variables' differences from its `start`, an angle within half a turn, a slide as a
 !> part of the mechanism's size; a link that of its origin from its `start`, likewise, and of the angle between both
-!> attitudes. A link that may spin idly counts by its line alone, and so does a ball joint of it. First counts what has a `start`. Only where that does not tell assemblies apart the other joints do, from zero.
+!> attitudes. A link that may spin idly counts by its line alone, and so does a ball joint of it. First counts what has a `start`.
+!> Only where that does not tell assemblies apart the other joints do, from zero.
 module linkdyn_start_distance
     use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part
     use linkdyn_joint_rates, only: measure_one_joint
@@ -144,7 +145,8 @@ contains
         end do
     end function spin_of
 
-    !> Distance of a joint with a link that spins: by the line of the link that spins as the other link sees it; if both spin, by the angle between both lines.
+    !> Distance of a joint with a link that spins: by the line of the link that spins as the other link sees it; if both spin, by
+    !> the angle between both lines.
     function square_of_lines(model, j, state) result(square)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j

@@ -175,7 +175,8 @@ contains
         qdd = all(variable)
     end function variable_acceleration
 
-    !> The coordinate that a joint variable is; 0: none, or one that says nothing, as where a quaternion gives a ball joint's attitude.
+    !> The coordinate that a joint variable is; 0: none, or one that says nothing, as where a quaternion gives a ball joint's
+    !> attitude.
     pure integer function coordinate_of_variable(mechanism, j, variable) result(k)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j, variable

@@ -74,7 +74,8 @@ contains
         type(value), intent(in) :: number(:)               !! as `linkdyn_numbers` lists them
         type(value), intent(in) :: q(:), qd(:), qdd(:)
         type(mechanism_type), intent(out) :: mechanism
-        logical, intent(in), optional :: in_scene_axes     !! all links are traced in the axes of the scene, as they are told; absent: false
+        logical, intent(in), optional :: in_scene_axes     !! all links are traced in the axes of the scene, as they are told;
+                                                           !! absent: false
 
         mechanism%model => model
         call place_numbers(model, mechanism%at)
@@ -139,7 +140,8 @@ contains
                             point_at(mechanism, mechanism%at%gear(g) + to_pitch_point))
     end subroutine wheel_push
 
-    !> What a belt that stretches does to one of its wheels, as above: for a unit of the difference of its tensions, and of their sum.
+    !> What a belt that stretches does to one of its wheels, as above: for a unit of the difference of its tensions, and of their
+    !> sum.
     subroutine belt_wrench(mechanism, i, side, difference, couple, line, lever)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i, side

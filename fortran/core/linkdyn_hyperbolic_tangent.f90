@@ -1,8 +1,8 @@
 !> Hyperbolic tangents of many numbers, side by side: several times as fast as the library, which takes them one by one.
 !>
 !> tanh x = p/(p + 2), p = exp(2x) - 1. In double precision 2x is brought within ln(2)/2 of zero by a multiple of ln 2, in two
-!> pieces, of which the first has 33 bits; the series of the exponential there leaves out terms below 1e-18. Errors stay below 2 units
-!> in the last place (tested). Other kinds of real use the library.
+!> pieces, of which the first has 33 bits; the series of the exponential there leaves out terms below 1e-18. Errors stay below 2
+!> units in the last place (tested). Other kinds of real use the library.
 module linkdyn_hyperbolic_tangent
     use linkdyn_kinds, only: wp
     implicit none (type, external)

@@ -36,7 +36,8 @@ module linkdyn_joint_table
     integer, parameter :: joint_groove = 15      !! a point on a line
     integer, parameter :: joint_plate = 16       !! a point in a plane, in the plane on a line
     integer, parameter :: joint_loose = 17       !! nothing
-    integer, parameter :: joint_key = 18         !! no turning about one axis; z axes of both markers lie across it, square to each other
+    integer, parameter :: joint_key = 18         !! no turning about one axis; z axes of both markers lie across it, square to each
+                                                 !! other
     integer, parameter :: joint_thread = 19      !! of a screw, whose axes others hold
     integer, parameter :: n_kind = 19
 
@@ -58,7 +59,8 @@ module linkdyn_joint_table
         character(len=11) :: name = ""                               !! in scenes
         integer :: n_variable = 0
         character(len=variable_len) :: variable(most_variables) = ""
-        integer :: slide_axis(most_slides) = 0                       !! of the first marker, along which the second moves; 0: no more
+        integer :: slide_axis(most_slides) = 0                       !! of the first marker, along which the second moves; 0: no
+                                                                     !! more
         integer :: force = along_nothing, moment = along_nothing     !! directions transmitted, of `along_*`
         logical :: is_in_plane = .false.                             !! exists in planar scenes
     end type kind_row
@@ -105,8 +107,8 @@ module linkdyn_joint_table
 
     logical, parameter :: variable_is_slide(most_variables, n_kind) = &                      !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
-    !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second. Of
-    !> three angles these are the axes in which turning is told, not those that the angles go about.
+    !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
+    !> Of three angles these are the axes in which turning is told, not those that the angles go about.
     integer, parameter :: variable_axis(most_variables, n_kind) = &
         merge(1, merge(2, 3, variable_name == "y" .or. variable_name == "pitch"), variable_name == "x" .or. variable_name == "roll")
     !> Its variables turn or slide along one axis, square to which all is held.

@@ -30,7 +30,8 @@ module linkdyn_inputs
     integer, parameter :: in_target = 6         !! of the drives' laws: value and rate (2 n_actuator)
     integer, parameter :: in_effort = 7         !! driving forces that are given (n_actuator) [N, N m]
     integer, parameter :: in_branch = 8         !! +1 or -1 (n_branch)
-    integer, parameter :: in_place = 9          !! of links placed by iteration: x, y, angle, or x y z and quaternion (place_size n_link)
+    integer, parameter :: in_place = 9          !! of links placed by iteration: x, y, angle, or x y z and quaternion (place_size
+                                                !! n_link)
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
     integer, parameter :: in_found = 11         !! what another program of the same record has found
     integer, parameter :: in_pull = 12          !! of springs' own laws over the state (n_spring) [N, N m]
@@ -42,11 +43,12 @@ module linkdyn_inputs
     integer, parameter :: in_motion = 17        !! how links stand and move, as `linkdyn_link_motion` lists it
     integer, parameter :: in_stop = 18          !! pushes of hard stops, away from these (n_stop) [N, N m]
     integer, parameter :: in_clutch = 19        !! forces of clutches, at their first variable (n_clutch) [N, N m]
-    integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, a unit vector over the joint variables
-                                                !! of each, or hold, 2; 0: smooth (n_part n_contact)
+    integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, a unit vector over the joint
+                                                !! variables of each, or hold, 2; 0: smooth (n_part n_contact)
     integer, parameter :: in_unknown = 21       !! unknowns of the equations, once somebody has found them (n_unknown)
     integer, parameter :: in_transposed = 22    !! right-hand sides of the transposed equations (n_unknown)
-    integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6 n_joint)
+    integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6
+                                                !! n_joint)
     integer, parameter :: n_block = 23
 
     !> What is wanted of a trace.
@@ -55,8 +57,9 @@ module linkdyn_inputs
         logical :: has_friction = .false.                  !! joints rub, and whoever runs the kernel knows how much
         logical :: by_work = .false.                       !! equations are those of virtual work
         logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
-        logical :: motion_is_given = .false.               !! nothing is placed: whoever runs the kernel knows how links move; and he gives
-                                                           !! all driving forces that are not unknown, stops and clutches push
+        logical :: motion_is_given = .false.               !! nothing is placed: whoever runs the kernel knows how links move; and
+                                                           !! he gives all driving forces that are not unknown, stops and clutches
+                                                           !! push
         logical :: has_columns = .false.                   !! of a motion that is given: how it changes with the coordinates
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are

@@ -1,9 +1,9 @@
 !> Links that move as they are told: what the equations of motion take of a motion that somebody else has found.
 !>
-!> Where links stand and how they move comes in as numbers, so nothing is closed here and no pivot is chosen: the equations can be written
-!> at any pose, also where a loop has lost all digits but a few. How the motion changes with a coordinate comes in as well, by columns: what
-!> a unit acceleration of the coordinate adds to accelerations, which is what a unit rate of it is to velocities. Of a link whose pose is
-!> given these are unit vectors.
+!> Where links stand and how they move comes in as numbers, so nothing is closed here and no pivot is chosen: the equations can be
+!> written at any pose, also where a loop has lost all digits but a few. How the motion changes with a coordinate comes in as well,
+!> by columns: what a unit acceleration of the coordinate adds to accelerations, which is what a unit rate of it is to velocities.
+!> Of a link whose pose is given these are unit vectors.
 !>
 !> Rates of turnings, and accelerations of origins, stand in own axes; velocities and columns of origins in world axes. In a plane
 !> there is no difference.
@@ -278,8 +278,8 @@ contains
         if (c > 0) column = unit_vector(c)
     end function origin_column
 
-    !> A map by which what depends on velocities becomes what it is in another motion of the same links: of each coordinate's column so
-    !> much.
+    !> A map by which what depends on velocities becomes what it is in another motion of the same links: of each coordinate's column
+    !> so much.
     subroutine velocities_become(places, v, mechanism, columns, rate, map)
         type(motion_places), intent(in) :: places
         type(value), intent(in) :: v(:)        !! as `places` lists them

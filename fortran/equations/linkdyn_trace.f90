@@ -339,8 +339,8 @@ contains
         end subroutine add_driven_apart
     end function pressed_by
 
-    !> What a contact feels of teeth that drive wheels apart: the force along their pitch circles (0), and what it feels for each newton
-    !> of its size.
+    !> What a contact feels of teeth that drive wheels apart: the force along their pitch circles (0), and what it feels for each
+    !> newton of its size.
     function driven_parts(traced, n) result(part)
         type(traced_type), intent(inout) :: traced
         integer, intent(in) :: n                       !! of `model%driven`

@@ -1,7 +1,7 @@
 !> Virtual work: one equation a coordinate, without any reaction.
 !>
-!> While the mechanism moves as coordinate k alone would move it, at a unit rate, drives supply what the links' inertia asks for beyond
-!> gravity, loads and all else that acts:
+!> While the mechanism moves as coordinate k alone would move it, at a unit rate, drives supply what the links' inertia asks for
+!> beyond gravity, loads and all else that acts:
 !>
 !>     sum of driving force * rate of its variable = sum over the links of force . velocity + moment . angular velocity
 !>

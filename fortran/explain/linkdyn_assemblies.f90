@@ -53,9 +53,8 @@ contains
         call go_on(model, 1, .true., branch, state, list)
     end subroutine find_assemblies
 
-    !> The joint at which a step's branch can be written: between its links or, of a dyad, any of its own; of a platform on rods where the
-    !> first of these ends. 0: none, or all of them are
-    !> parts of chains, which have no such key.
+    !> The joint at which a step's branch can be written: between its links or, of a dyad, any of its own; of a platform on rods
+    !> where the first of these ends. 0: none, or all of them are parts of chains, which have no such key.
     pure integer function chooser_of(model, step) result(joint)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -95,8 +94,8 @@ contains
     end function variable_of_chain
 
     !> What starts can choose in groups closed by iteration: hinges and slides, but those that are coordinates; in a group that has
-    !> none, links, but those that may spin idly. What the scene says of the start is told anew, of whatever link or joint: it counts
-    !> beside them, and would choose another.
+    !> none, links, but those that may spin idly. What the scene says of the start is told anew, of whatever link or joint: it
+    !> counts beside them, and would choose another.
     subroutine list_starts(model, list)
         type(model_type), intent(in) :: model
         type(assembly_list), intent(inout) :: list

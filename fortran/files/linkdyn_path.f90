@@ -8,7 +8,7 @@ module linkdyn_path
     public :: path_missing, path_file, path_other
     public :: resolve_path, path_exists, is_inside, is_same_file, refuse_inputs
 
-    integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2, path_other = 3, path_failed = 4   !! of linkdyn_path.h
+    integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2, path_other = 3, path_failed = 4 ! linkdyn_path.h
     integer, parameter :: longest_path = 4095
 
     interface

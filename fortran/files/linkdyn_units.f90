@@ -492,7 +492,8 @@ contains
         reading%power = reading%power*exponent
     end subroutine read_factor
 
-    !> Does a minus at a place of a formula take off what follows, "1 m-2 m"? It is an exponent's if a digit alone follows: "9.81 m s-2".
+    !> Does a minus at a place of a formula take off what follows, "1 m-2 m"? It is an exponent's if a digit alone follows: "9.81 m
+    !> s-2".
     pure logical function is_minus(text, place)
         character(len=*), intent(in) :: text
         integer, intent(in) :: place

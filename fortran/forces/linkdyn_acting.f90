@@ -91,7 +91,8 @@ contains
         end if
     end function sums_at_joints
 
-    !> A force or moment along a place that a measure tells, positive when it drives it up: its power is effort times the place's rate.
+    !> A force or moment along a place that a measure tells, positive when it drives it up: its power is effort times the place's
+    !> rate.
     function at_place(mechanism, spec, effort) result(acting)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec
@@ -133,7 +134,8 @@ contains
         end associate
     end function between_links
 
-    !> How the rate of an angle between links, or of a turn, changes with the angular velocity: the moment of a unit effort, world axes.
+    !> How the rate of an angle between links, or of a turn, changes with the angular velocity: the moment of a unit effort, world
+    !> axes.
     function angle_gradient(mechanism, spec) result(gradient)
         type(mechanism_type), intent(in) :: mechanism
         type(measure_spec), intent(in) :: spec

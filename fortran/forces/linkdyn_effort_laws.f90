@@ -65,8 +65,8 @@ contains
         compares_motion = drive%kind == effort_spring_damper .or. follows_target(drive)
     end function compares_motion
 
-    !> Is the force itself given: by a table, a law over the state or a controller, found by inverse dynamics, or by what a motor makes
-    !> of its law?
+    !> Is the force itself given: by a table, a law over the state or a controller, found by inverse dynamics, or by what a motor
+    !> makes of its law?
     pure elemental logical function is_given(drive)
         type(effort_law), intent(in) :: drive
 

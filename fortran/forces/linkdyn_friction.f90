@@ -30,7 +30,8 @@ module linkdyn_friction
         type(vector) :: turn                   !! and relative angular velocity [rad/s]
         type(vector) :: arm                    !! from the second link's marker to where the force acts [m]
         type(value) :: square                  !! of the speed of the surfaces [m2/s2]
-        type(value) :: way                     !! of teeth: 1 where a force on the second wheel above zero drives it, -1 where it brakes it
+        type(value) :: way                     !! of teeth: 1 where a force on the second wheel above zero drives it, -1 where it
+                                               !! brakes it
     end type contact_motion
 
 contains
@@ -162,7 +163,8 @@ contains
                - omega_of(mechanism%bodies, carrier_of(mechanism, j), world_axes)
     end function spin_of
 
-    !> How a follower passes its cam where both touch: the velocity of the one against the other, of a roller that with which it rolls.
+    !> How a follower passes its cam where both touch: the velocity of the one against the other, of a roller that with which it
+    !> rolls.
     subroutine pass_cam(mechanism, j, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j                       !! joint
@@ -183,8 +185,8 @@ contains
         end select
     end subroutine pass_cam
 
-    !> How the teeth of a wheel pass the thread of its worm, where their pitch surfaces touch: both turn about their markers, seen from
-    !> the carrier.
+    !> How the teeth of a wheel pass the thread of its worm, where their pitch surfaces touch: both turn about their markers, seen
+    !> from the carrier.
     subroutine pass_thread(mechanism, j, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j                       !! joint
@@ -211,8 +213,8 @@ contains
         p = point_position(mechanism%bodies, mechanism%model%joint(j)%link(side), marker_point(mechanism, j, side))
     end function place_of_marker
 
-    !> How the wheels of a belt turn against each other, if it is crossed; else how they pass each other half way between their axes. Both
-    !> have a couple that brakes each of them alike.
+    !> How the wheels of a belt turn against each other, if it is crossed; else how they pass each other half way between their
+    !> axes. Both have a couple that brakes each of them alike.
     subroutine pass_belt(mechanism, j, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j                       !! joint
@@ -342,8 +344,8 @@ contains
         end associate
     end function friction_wrench
 
-    !> What holds a joint variable that sticks, by its force there. A thread holds along its surface, as it would rub: what presses its
-    !> flanks is then the reaction. So do teeth, belts and cams, which have no variables.
+    !> What holds a joint variable that sticks, by its force there. A thread holds along its surface, as it would rub: what presses
+    !> its flanks is then the reaction. So do teeth, belts and cams, which have no variables.
     function holding_wrench(mechanism, joint, variable, force) result(acting)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: joint, variable

@@ -4,12 +4,13 @@
 !>
 !>     p = p0 + S r,    r_i = c_i |p_i|,    c_i = a_i where p_i > 0 (the motor drives),  b_i where p_i < 0 (the load does),
 !>
-!> linear once the sides are known on which the powers are. S = I W - 1 with the rotors' inertias I at their joints, a diagonal matrix, and
-!> W, symmetric, by which the joints yield to forces: no force moves rotors alone more than its own does, so that I^(1/2) W I^(1/2) has no
-!> eigenvalue beyond one, and -S is similar to a symmetric matrix H of which none lies outside 0 and 1. So the determinant of
-!> 1 - S diag(d) is above zero for all d with d_i > -1: where no transmission locks itself (b_i < 1), there is one solution and no
-!> other. Where some do there is as long as 1 - H^(1/2) diag(b) H^(1/2) is positive definite: as long as elimination, with all loads driving,
-!> meets positive pivots. Beyond that forces may have several solutions or none, and whoever asks has to ask how they grow.
+!> linear once the sides are known on which the powers are. S = I W - 1 with the rotors' inertias I at their joints, a diagonal
+!> matrix, and W, symmetric, by which the joints yield to forces: no force moves rotors alone more than its own does, so that
+!> I^(1/2) W I^(1/2) has no eigenvalue beyond one, and -S is similar to a symmetric matrix H of which none lies outside 0 and 1. So
+!> the determinant of 1 - S diag(d) is above zero for all d with d_i > -1: where no transmission locks itself (b_i < 1), there is
+!> one solution and no other. Where some do there is as long as 1 - H^(1/2) diag(b) H^(1/2) is positive definite: as long as
+!> elimination, with all loads driving, meets positive pivots. Beyond that forces may have several solutions or none, and whoever
+!> asks has to ask how they grow.
 !>
 !> The sides are found by the rule of the least number: if one of the p_i is not on its side, the first such changes it. Where all
 !> determinants are above zero that comes to an end (K. G. Murty, 1974), after a round or two.
@@ -120,7 +121,8 @@ contains
             end do
         end subroutine form
 
-        !> The first that is transmitted to the other side than it was taken for, but for rounding; 0: none. What is zero is on either side.
+        !> The first that is transmitted to the other side than it was taken for, but for rounding; 0: none. What is zero is on
+        !> either side.
         pure integer function first_elsewhere() result(i)
             real(wp) :: noise
 

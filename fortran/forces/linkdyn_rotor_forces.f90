@@ -1,7 +1,7 @@
 !> Rotors of motors behind gears and screws.
 !>
-!> A rotor of inertia J that turns n times as fast as a joint variable s has the energy n^2 J s'^2/2; what its acceleration takes of the driving
-!> force is n^2 J s''.
+!> A rotor of inertia J that turns n times as fast as a joint variable s has the energy n^2 J s'^2/2; what its acceleration takes of
+!> the driving force is n^2 J s''.
 module linkdyn_rotor_forces
     use linkdyn_joint_variables, only: variable_rate, variable_acceleration
     use linkdyn_kinds, only: wp

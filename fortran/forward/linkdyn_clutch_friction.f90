@@ -1,5 +1,5 @@
-!> What clutches rub with while they slip, and what they could hold: by laws of their own, or by the reactions in joints whose friction
-!> sticks.
+!> What clutches rub with while they slip, and what they could hold: by laws of their own, or by the reactions in joints whose
+!> friction sticks.
 module linkdyn_clutch_friction
     use linkdyn_clutch_states, only: clutch_states
     use linkdyn_contact, only: contact_type, sliding_coefficient, lever_of, no_speed, part_of, holds_contact, is_mesh, &

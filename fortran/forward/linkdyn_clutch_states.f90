@@ -1,10 +1,10 @@
 !> Clutches, brakes and locks in a run: which are closed, which hold, which way the others slip.
 !>
-!> A clutch that holds keeps its slip s at zero by the force f that this takes; one that slips gives f = -c sign(s), c its capacity. At an
-!> instant at which clutches have no slip it is decided together which of them hold (`share_load`): with the accelerations of their slips
-!> without them a and the response W to their forces, those that hold have a + W f = 0 and |f| <= c0, c0 >= c what a clutch holds, and
-!> the others slip where a + W f takes them, against f. Of those whose joint variables go together |f| is the length of a vector
-!> (`linkdyn_slip_parts`).
+!> A clutch that holds keeps its slip s at zero by the force f that this takes; one that slips gives f = -c sign(s), c its capacity.
+!> At an instant at which clutches have no slip it is decided together which of them hold (`share_load`): with the accelerations of
+!> their slips without them a and the response W to their forces, those that hold have a + W f = 0 and |f| <= c0, c0 >= c what a
+!> clutch holds, and the others slip where a + W f takes them, against f. Of those whose joint variables go together |f| is the
+!> length of a vector (`linkdyn_slip_parts`).
 module linkdyn_clutch_states
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -21,8 +21,8 @@ module linkdyn_clutch_states
     type :: clutch_states
         logical, allocatable :: is_closed(:, :)        !! (lane, n_clutch)
         logical, allocatable :: holds(:, :)            !! it is closed and has no slip (lane, n_clutch)
-        real(wp), allocatable :: sense(:, :)           !! of the slip, +1 or -1; 0: it has none; of those that go together a unit vector,
-                                                       !! which way they slipped at the accepted state (lane, n_clutch)
+        real(wp), allocatable :: sense(:, :)           !! of the slip, +1 or -1; 0: it has none; of those that go together a unit
+                                                       !! vector, which way they slipped at the accepted state (lane, n_clutch)
         real(wp), allocatable :: capacity(:, :)        !! at the state evaluated last, when it slips [N, N m] (lane, n_clutch)
         real(wp), allocatable :: rub(:, :)             !! force there of those that slip [N, N m] (lane, n_clutch)
         real(wp), allocatable :: force(:, :)           !! of all there [N, N m] (lane, n_clutch)

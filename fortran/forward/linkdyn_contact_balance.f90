@@ -1,7 +1,7 @@
 !> What stops and clutches push and how much contacts rub at once, of one state.
 !>
-!> Accelerations of what is held and what presses contacts are linear in both. Pushes are taken out by what they have to do, then the
-!> friction that is left is that of a mechanism that rubs and is held by nothing (`linkdyn_friction_balance`).
+!> Accelerations of what is held and what presses contacts are linear in both. Pushes are taken out by what they have to do, then
+!> the friction that is left is that of a mechanism that rubs and is held by nothing (`linkdyn_friction_balance`).
 module linkdyn_contact_balance
     use linkdyn_contact, only: contact_type, n_press, pressing
     use linkdyn_friction_balance, only: balance_friction, driven_press
@@ -103,7 +103,8 @@ contains
         end do
     end subroutine note_effect
 
-    !> `away` and what `friction` says have been found with these pushes, or none, and its amounts: what there is without both follows.
+    !> `away` and what `friction` says have been found with these pushes, or none, and its amounts: what there is without both
+    !> follows.
     subroutine begin_there(self, away, friction, push)
         class(contact_responses), intent(inout) :: self
         real(wp), intent(in) :: away(:, :)             !! (lane, held)
@@ -181,8 +182,8 @@ contains
         push = push + matmul(by_amount, amount)
     end subroutine balance_contacts
 
-    !> Is what is held where it should be, and is friction what presses makes it, but for rounding of what both take away? Of a lane at
-    !> which `begin_there` has been told of both.
+    !> Is what is held where it should be, and is friction what presses makes it, but for rounding of what both take away? Of a lane
+    !> at which `begin_there` has been told of both.
     logical function fits(self, contact, factor, is_held, wanted, lane, push, amount, press, at_work)
         class(contact_responses), intent(in) :: self
         type(contact_type), intent(in) :: contact(:)

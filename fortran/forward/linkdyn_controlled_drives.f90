@@ -23,7 +23,8 @@ module linkdyn_controlled_drives
         type(controllers_type) :: state                !! what controllers remember and put out
         logical :: has_continuous = .false., has_sampled = .false.
         type(holding_forces), private :: holding       !! where one of them wants these
-        real(wp), allocatable, private :: in_motion(:, :)      !! measures in the scene's motion, where one follows it (lane, measure)
+        real(wp), allocatable, private :: in_motion(:, :)      !! measures in the scene's motion, where one follows it (lane,
+                                                               !! measure)
     end type controlled_drives
 
 contains
@@ -51,7 +52,8 @@ contains
         wants_motion = any(model%scene%controller%follows_motion .or. model%scene%controller%feed == feed_inverse)
     end function wants_motion
 
-    !> What controllers compare with and feed forward at states beside laws: the scene's motion, forces that it asks for, forces that hold.
+    !> What controllers compare with and feed forward at states beside laws: the scene's motion, forces that it asks for, forces
+    !> that hold.
     subroutine find_demands(model, layout, t, y, turns, n_used, is_wanted, assembly, of_motion, control)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout

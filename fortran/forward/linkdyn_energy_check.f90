@@ -1,5 +1,5 @@
-!> Energy as a witness of steps: what is there, less what was supplied, stays as it is. A step that makes energy of nothing, or loses it,
-!> has erred more than its own estimate knows, or has come to another assembly.
+!> Energy as a witness of steps: what is there, less what was supplied, stays as it is. A step that makes energy of nothing, or
+!> loses it, has erred more than its own estimate knows, or has come to another assembly.
 module linkdyn_energy_check
     use linkdyn_carried_assembly, only: carried_assembly, evaluate_on_assembly
     use linkdyn_energy_balance, only: energy_of_motion

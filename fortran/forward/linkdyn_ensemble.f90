@@ -85,8 +85,8 @@ contains
 
     contains
 
-        !> One record for all blocks, if they evaluate often enough: that of the scene's single runs, if somebody shares it. It finds the
-        !> work, too, which these need.
+        !> One record for all blocks, if they evaluate often enough: that of the scene's single runs, if somebody shares it. It
+        !> finds the work, too, which these need.
         subroutine make_shared_record(status)
             type(status_type), intent(inout) :: status
             integer, parameter :: evaluations_a_step = 4

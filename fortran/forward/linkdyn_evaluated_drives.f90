@@ -16,8 +16,8 @@ module linkdyn_evaluated_drives
     private
     public :: evaluated_drives, evaluate_drives, leave_drives, free_drives
 
-    !> Laws of drives of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all runs that
-    !> share programs together.
+    !> Laws of drives of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first, by all
+    !> runs that share programs together.
     type :: evaluated_drives
         type(lane_program), pointer, private :: lane => null()
         logical, private :: is_own = .false.
@@ -27,8 +27,8 @@ module linkdyn_evaluated_drives
 
 contains
 
-    !> What the laws of some actuators give, of every law but `inverse`: driving forces, or what is told by `side`. Laws over the state have
-    !> their values there.
+    !> What the laws of some actuators give, of every law but `inverse`: driving forces, or what is told by `side`. Laws over the
+    !> state have their values there.
     subroutine evaluate_drives(model, is_wanted, t, n_used, state, shared, drives, force)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_wanted(:)           !! (n_actuator)

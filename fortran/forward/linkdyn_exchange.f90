@@ -221,7 +221,8 @@ contains
         end do
     end function number_iterated
 
-    !> Do two programs of one mechanism place its links alike, on lane 1? Of links that spin idly that is the line about which they do.
+    !> Do two programs of one mechanism place its links alike, on lane 1? Of links that spin idly that is the line about which they
+    !> do.
     pure logical function is_same_place(model, a, b) result(is_same)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: a, b

@@ -1,9 +1,9 @@
 !> Angles of joints whose turns count along a forward run: those that events look at, and those that are results. They are
 !> followed from one accepted state to the next, whichever instants are asked for.
 !>
-!> Of the values that a measured angle may have, that one is taken to which it has turned at the mean of its rates at both ends. Along a
-!> short way the errors of that are small, and a turn more or less would need rates quite different in between. Where a step is no such
-!> way (`looks_for_angles`) the angles are followed through places within it, as many as are needed.
+!> Of the values that a measured angle may have, that one is taken to which it has turned at the mean of its rates at both ends.
+!> Along a short way the errors of that are small, and a turn more or less would need rates quite different in between. Where a step
+!> is no such way (`looks_for_angles`) the angles are followed through places within it, as many as are needed.
 module linkdyn_followed_angles
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_joint_rates, only: measure_joints, measure_variable
@@ -199,8 +199,8 @@ contains
         end associate
     end function looks_for_angles
 
-    !> Is each part of the way so short that a turn more or less would be seen? No joint turns by more than a quarter turn along it, by
-    !> the rates at its ends, rates differ by no more than that, and the measured angles agree with them to an eighth of a turn.
+    !> Is each part of the way so short that a turn more or less would be seen? No joint turns by more than a quarter turn along it,
+    !> by the rates at its ends, rates differ by no more than that, and the measured angles agree with them to an eighth of a turn.
     pure logical function is_followed(angles)
         type(followed_angles), intent(in) :: angles
         real(wp) :: duration, by_rates(size(angles%is_measured)), apart(size(angles%is_measured))

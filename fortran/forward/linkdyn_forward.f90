@@ -220,7 +220,8 @@ contains
         run%n_passed = samples%n_passed(n_done)
     end subroutine advance_forward
 
-    !> Go to an output instant. Samples that wait are evaluated before the phase changes. What the run has failed of stays to be told.
+    !> Go to an output instant. Samples that wait are evaluated before the phase changes. What the run has failed of stays to be
+    !> told.
     subroutine lead_to(run, i, samples, results)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: i                       !! sample

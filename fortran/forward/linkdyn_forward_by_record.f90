@@ -27,8 +27,8 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
 
 contains
 
-    !> Use the mechanism's record from now on, if it has one that finds what the lanes find. Whoever comes first makes it: the others
-    !> wait.
+    !> Use the mechanism's record from now on, if it has one that finds what the lanes find. Whoever comes first makes it: the
+    !> others wait.
     module procedure make_record
         type(look_choice) :: choice
 
@@ -70,7 +70,8 @@ contains
         drives_record = any(self%by_inverse) .or. self%has_motor_laws .or. self%has_cylinders .or. self%control%state%n > 0
     end function drives_record
 
-    !> Forces of the scene's motion by a record, too; where coordinates stand in for others it is another model that the motion is of.
+    !> Forces of the scene's motion by a record, too; where coordinates stand in for others it is another model that the motion is
+    !> of.
     subroutine record_motion(self, t, shared)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]

@@ -1,5 +1,5 @@
-!> What clutches do where they close, open, come to rest or break loose: impulses of those without capacity, and who holds from there
-!> (`linkdyn_clutch_states` has the rule).
+!> What clutches do where they close, open, come to rest or break loose: impulses of those without capacity, and who holds from
+!> there (`linkdyn_clutch_states` has the rule).
 submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_clutch_friction, only: carried_load
     use linkdyn_clutch_states, only: is_clutched, share_load, response_beside, set_guard
@@ -123,8 +123,8 @@ contains
         end do
     end procedure follow_slips
 
-    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds, and
-    !> what the impulse drives onto stops strikes them.
+    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds,
+    !> and what the impulse drives onto stops strikes them.
     module procedure engage
         real(wp), parameter :: same_instant = 4096     !! last places of the clock: steps behind an event are some tens long
         real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
@@ -259,8 +259,8 @@ contains
         end do
     end subroutine note_slips
 
-    !> Which closed clutches have no slip behind impulses, and may hold; the others slip from here. What an impulse has passed by is held
-    !> as before, and what others do concerns none that has a slip.
+    !> Which closed clutches have no slip behind impulses, and may hold; the others slip from here. What an impulse has passed by is
+    !> held as before, and what others do concerns none that has a slip.
     subroutine find_free(self, t, y, is_concerned, has_crossed, is_free_anyway, held, locks, is_free)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -365,8 +365,8 @@ contains
         end do
     end subroutine lock
 
-    !> What is driven keeps its motion while a clutch closes: its drive works in an impulse, by what the mechanism has gained and the clutch
-    !> has lost.
+    !> What is driven keeps its motion while a clutch closes: its drive works in an impulse, by what the mechanism has gained and
+    !> the clutch has lost.
     subroutine count_drives_work(layout, has_locked, gained, loss, y)
         type(state_layout), intent(in) :: layout
         logical, intent(in) :: has_locked(lanes)
@@ -379,8 +379,8 @@ contains
         end where
     end subroutine count_drives_work
 
-    !> Which of the clutches without slip hold from here, and which way the others slip; what rounding has left of a slip that holds, or
-    !> goes the other way, goes.
+    !> Which of the clutches without slip hold from here, and which way the others slip; what rounding has left of a slip that
+    !> holds, or goes the other way, goes.
     subroutine decide(self, t, y, is_concerned, is_free, must_slip, positive)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -425,8 +425,8 @@ contains
         call keep_places(self, t, y, is_concerned)
     end subroutine decide
 
-    !> Loads are shared among what could hold at an instant: stops at which something rests, and the clutches that are free to. The motion
-    !> of the state is in the workspace.
+    !> Loads are shared among what could hold at an instant: stops at which something rests, and the clutches that are free to. The
+    !> motion of the state is in the workspace.
     subroutine share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -462,8 +462,8 @@ contains
             if (is_concerned(lane)) call share(lane)
         end do
         if (.not. has_sticking(self%model)) return
-        ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip, and the way in which
-        ! they then do.
+        ! Friction that slides presses joints otherwise than what holds all of them: by that, too, they must slip, and the way in
+        ! which they then do.
         seems_held = self%way%clutch%holds
         call self%evaluate_on_lanes(t, y, rate, failed)
         grip = self%way%clutch%capacity
@@ -529,8 +529,8 @@ contains
         end subroutine take
     end subroutine share_loads
 
-    !> Surfaces that begin to slide along several joint variables press otherwise than they did while they were held: the way that they keep
-    !> is that of the accelerations that there are while they slide so.
+    !> Surfaces that begin to slide along several joint variables press otherwise than they did while they were held: the way that
+    !> they keep is that of the accelerations that there are while they slide so.
     subroutine settle_ways(self, t, y, is_concerned, is_free, response)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -590,8 +590,8 @@ contains
         end subroutine turn_way
     end subroutine settle_ways
 
-    !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them. Of those that
-    !> go together one is enough.
+    !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them. Of
+    !> those that go together one is enough.
     subroutine find_able(self, is_free, response, may_hold)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: is_free(:, :)           !! (lane, n_clutch)
@@ -634,8 +634,8 @@ contains
         self%way%clutch%holds = held
     end subroutine find_grip
 
-    !> What holds has no slip, and no speed at its stop, to the last digit, nor has what is to slip the other way: else it would cross zero
-    !> again at this instant, and so on without end.
+    !> What holds has no slip, and no speed at its stop, to the last digit, nor has what is to slip the other way: else it would
+    !> cross zero again at this instant, and so on without end.
     subroutine take_last_slip(self, t, holds, sense, is_concerned, takes_part, response, of_coordinates, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -655,8 +655,8 @@ contains
         call still_rates(self%model, self%layout, self%way%clutch%holds, y)
     end subroutine take_last_slip
 
-    !> What rests at a stop has but what rounding and steps have left of its speed: more is not taken from it in silence. The motion of
-    !> the state is in `look`.
+    !> What rests at a stop has but what rounding and steps have left of its speed: more is not taken from it in silence. The motion
+    !> of the state is in `look`.
     subroutine refuse_speed_at_rest(self, holds, rate, response)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: holds(:, :)             !! (lane, n_held)

@@ -1,6 +1,7 @@
 !> Pushes: what stops at which joint variables rest and clutches that hold have to give, so that these stay where they are.
 !>
-!> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
+!> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of
+!> them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_balance, only: contact_responses, balance_contacts
     use linkdyn_contact_forces, only: solve_contacts
@@ -16,8 +17,8 @@ submodule (linkdyn_forward_system) linkdyn_forward_contacts
 
 contains
 
-    !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
-    !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
+    !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on
+    !> top of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     module procedure accelerate
         call push_and_rub(self, push, .true., away)
     end procedure accelerate
@@ -44,11 +45,12 @@ contains
         end associate
     end subroutine push_and_rub
 
-    !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
-    !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
+    !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all
+    !> slips, and of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the
+    !> difference.
     !>
-    !> Of impulses there are no other forces, and joints do not rub by them. Transmissions lose of what they transmit, and how they do
-    !> depends on its sign, which impulses give it: their responses are those `along` the impulses themselves.
+    !> Of impulses there are no other forces, and joints do not rub by them. Transmissions lose of what they transmit, and how they
+    !> do depends on its sign, which impulses give it: their responses are those `along` the impulses themselves.
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp
         real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
@@ -124,8 +126,8 @@ contains
         along = impulse
     end procedure goes_along
 
-    !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
-    !> the workspace become those with it.
+    !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations
+    !> in the workspace become those with it.
     module procedure hold_variables
         real(wp), dimension(lanes, n_held(self%model)) :: push, wanted
         logical :: is_held(lanes, n_held(self%model))
@@ -168,9 +170,9 @@ contains
         end do
     end subroutine hold_freely
 
-    !> Where joints rub, how much depends on what presses, and that on the pushes. What presses and how what is held accelerates is linear
-    !> in pushes and in amounts of friction together: with what a unit of each does no equations of motion are left to be solved, but one for
-    !> each held variable and one for each contact.
+    !> Where joints rub, how much depends on what presses, and that on the pushes. What presses and how what is held accelerates is
+    !> linear in pushes and in amounts of friction together: with what a unit of each does no equations of motion are left to be
+    !> solved, but one for each held variable and one for each contact.
     subroutine hold_what_rubs(self, is_held, wanted, push)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: is_held(:, :)           !! (lane, n_held)
@@ -262,9 +264,9 @@ contains
         end associate
     end subroutine find_contact_responses
 
-    !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
-    !> coordinates steps keep what is linear in them, and there is nothing to mend. Nor is what places are rounded by: led back as fast as
-    !> short steps ask for, it would be accelerations that no push can give several joints at once.
+    !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where
+    !> both are coordinates steps keep what is linear in them, and there is nothing to mend. Nor is what places are rounded by: led
+    !> back as fast as short steps ask for, it would be accelerations that no push can give several joints at once.
     function way_back(self, t) result(wanted)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)

@@ -37,7 +37,8 @@ contains
         where (run%system%way%is_driven_through) run%integrator%failed = .true.
     end subroutine start_integrator
 
-    !> Integrate to t, stopping at every kink on the way. The run comes back before its phase changes if it `wants_outputs`: call again.
+    !> Integrate to t, stopping at every kink on the way. The run comes back before its phase changes if it `wants_outputs`: call
+    !> again.
     subroutine go_to(run, t)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t

@@ -118,8 +118,8 @@ contains
         holds_something = rests_anywhere(self%way%stops) .or. holds_anywhere(self%way%clutch)
     end function holds_something
 
-    !> The guard of a stop at which its variable rests is its push: when that vanishes the variable leaves. That of a clutch that holds
-    !> is what it could hold besides. Both at the states evaluated last.
+    !> The guard of a stop at which its variable rests is its push: when that vanishes the variable leaves. That of a clutch that
+    !> holds is what it could hold besides. Both at the states evaluated last.
     subroutine take_held(self, guard)
         class(forward_system), intent(in) :: self
         real(wp), intent(inout) :: guard(:, :)         !! (lane, n_guard)
@@ -143,8 +143,8 @@ contains
         are_alike = abs(one - other) <= least_accuracy*max(1.0_wp, abs(one))
     end function are_alike_on_lanes
 
-    !> What closes a clutch that then holds links where they are may tell how far apart these are: it has come to rest at zero, and what errors
-    !> of the steps carry off and back is no crossing.
+    !> What closes a clutch that then holds links where they are may tell how far apart these are: it has come to rest at zero, and
+    !> what errors of the steps carry off and back is no crossing.
     subroutine keep_what_is_held(self, i, guard)
         class(forward_system), intent(in) :: self
         integer, intent(in) :: i                       !! clutch
@@ -213,8 +213,8 @@ contains
         if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
     end procedure meet_events
 
-    !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give way,
-    !> releases. What clutches and stops make of theirs comes later, of all together.
+    !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give
+    !> way, releases. What clutches and stops make of theirs comes later, of all together.
     subroutine tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)

@@ -1,4 +1,5 @@
-!> Laws, outlines of cams and margins of the assembly along the way of a step that is to be accepted: what its stages may have leapt over.
+!> Laws, outlines of cams and margins of the assembly along the way of a step that is to be accepted: what its stages may have leapt
+!> over.
 submodule (linkdyn_forward_system) linkdyn_forward_laws
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_cam_contact, only: angle_on_cam
@@ -16,7 +17,8 @@ submodule (linkdyn_forward_system) linkdyn_forward_laws
 
     !> Coordinates that turn farther between two places are not followed by them.
     real(wp), parameter :: farthest_turn = pi          !! within a step
-    !> Strides of a coordinate, and change of a margin at its rate where the step begins, within which its ends tell of the assembly.
+    !> Strides of a coordinate, and change of a margin at its rate where the step begins, within which its ends tell of the
+    !> assembly.
     real(wp), parameter :: near_strides = 4, near_change = 0.5_wp
 
 contains
@@ -57,9 +59,9 @@ contains
         part = min(part, of_cams)
     end procedure part_in_sight
 
-    !> How much of a step may be gone at once for the assembly's sake: where it is short, or margins change little, its ends tell all. Long
-    !> steps, of which the cubic through their ends may tell little, are believed if the record was in no doubt at any of their stages:
-    !> beyond a change point it would be, for the most part of the way to the next.
+    !> How much of a step may be gone at once for the assembly's sake: where it is short, or margins change little, its ends tell
+    !> all. Long steps, of which the cubic through their ends may tell little, are believed if the record was in no doubt at any of
+    !> their stages: beyond a change point it would be, for the most part of the way to the next.
     subroutine look_at_margins(self, t, y, gone, length, part)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)               !! of places from the step's beginning to its end [s]

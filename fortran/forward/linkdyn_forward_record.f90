@@ -48,13 +48,16 @@ module linkdyn_forward_record
         type(rate_samples) :: samples
         type(stage_places) :: stage                    !! of groups
         logical, private :: is_led(lanes) = .false.    !! groups there, step by step: their margins have been looked at
-        real(wp), allocatable, private :: branch(:, :) !! of the samples as lanes have them; the first is unknown: others have been there
-                                                       !! since (lane, n_branch)
+        real(wp), allocatable, private :: branch(:, :) !! of the samples as lanes have them; the first is unknown: others have been
+                                                       !! there since (lane, n_branch)
         real(wp), allocatable :: given_force(:, :)     !! of drives whose forces somebody gives (lane, n_actuator)
         type(state_wires) :: wires
-        logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as they are
-        logical :: motion_stands_still = .false.       !! time changes nothing, nor do turns: states and branches alone tell the motion
-        logical :: stands_still = .false.              !! nothing in the samples but branches changes from one evaluation to the next
+        logical, private :: by_columns = .false.       !! coordinates and attitudes are not in the samples: the rates take states as
+                                                       !! they are
+        logical :: motion_stands_still = .false.       !! time changes nothing, nor do turns: states and branches alone tell the
+                                                       !! motion
+        logical :: stands_still = .false.              !! nothing in the samples but branches changes from one evaluation to the
+                                                       !! next
         type(input_wiring), private :: wiring
         type(law_instants), private :: instant         !! of the samples
         real(wp), allocatable, private :: constant(:)  !! what actuators give that no law of time tells (n_actuator) [N, N m, V]
@@ -87,8 +90,8 @@ contains
         if (size(model%group) > 0) n = of_groups*model%n_link
     end function evaluations_before_record
 
-    !> Evaluations on lanes after which the record of a run is made: of mechanisms of some links it is at once, since whoever runs them
-    !> again shares it.
+    !> Evaluations on lanes after which the record of a run is made: of mechanisms of some links it is at once, since whoever runs
+    !> them again shares it.
     pure integer function evaluations_on_lanes(model) result(n)
         type(model_type), intent(in) :: model
 
@@ -148,7 +151,8 @@ contains
         type(state_layout), intent(in) :: layout
         type(recorded_rates), intent(in), target :: recorded
         logical, intent(in) :: by_columns              !! states need not be in the samples, where the rates alone hang on them
-        logical, intent(in) :: is_driven               !! somebody puts driving forces into the samples that come from no law of time
+        logical, intent(in) :: is_driven               !! somebody puts driving forces into the samples that come from no law of
+                                                       !! time
         type(forward_record), intent(out) :: record
 
         record%recorded => recorded
@@ -555,8 +559,8 @@ contains
         end do
     end subroutine keep_stages
 
-    !> States are left that a mechanism may have left its assembly on the way to, of the first n that the record was run on last. Judged
-    !> as lanes are.
+    !> States are left that a mechanism may have left its assembly on the way to, of the first n that the record was run on last.
+    !> Judged as lanes are.
     pure subroutine leave_doubtful(model, assembly, n, t, doubt, record)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly !! of the accepted state
@@ -696,7 +700,8 @@ contains
         end do
     end subroutine measure_states
 
-    !> Run the first n states, whose laws are there, with what transmissions lose taken off; ask `samples%is_left` which do not count.
+    !> Run the first n states, whose laws are there, with what transmissions lose taken off; ask `samples%is_left` which do not
+    !> count.
     subroutine run_losing(model, lossy, n, record)
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)                !! motors

@@ -2,8 +2,8 @@
 !> coordinates, and turned into forces by the equations of inverse dynamics, phase by phase.
 !>
 !> States of output wait until the lanes are full, each with the assembly, turns and angles from which it sets out
-!> (`standing_lanes`), so that those of several steps are evaluated together. They do not wait beyond what a step may change (events,
-!> clutches, controllers, friction, laws over the state), nor beyond a phase (`wants_outputs`).
+!> (`standing_lanes`), so that those of several steps are evaluated together. They do not wait beyond what a step may change
+!> (events, clutches, controllers, friction, laws over the state), nor beyond a phase (`wants_outputs`).
 module linkdyn_forward_samples
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
@@ -173,9 +173,9 @@ contains
         end associate
     end function may_wait
 
-    !> May samples of several steps be evaluated together? Not where something beside the assembly goes along with the steps: friction,
-    !> laws over the state, brakes, the assembly of a motion whose forces drives apply. Nor before the records are there by which forces
-    !> are found and groups closed: no bit of a sample may depend on when it is evaluated.
+    !> May samples of several steps be evaluated together? Not where something beside the assembly goes along with the steps:
+    !> friction, laws over the state, brakes, the assembly of a motion whose forces drives apply. Nor before the records are there
+    !> by which forces are found and groups closed: no bit of a sample may depend on when it is evaluated.
     pure logical function may_wait_for_steps(run) result(may)
         type(forward_run), intent(in) :: run
 

@@ -35,8 +35,8 @@ contains
         scale = abs(energy(1)) + kinetic(1) + abs(state(self%layout%supplied, 1))
     end procedure see_surplus
 
-    !> Has an accepted state been seen by the record, or can it be seen now? Methods that begin their next step by the rates there have
-    !> just evaluated it.
+    !> Has an accepted state been seen by the record, or can it be seen now? Methods that begin their next step by the rates there
+    !> have just evaluated it.
     module procedure sees_accepted
         sees_accepted = self%looks%is_usable .and. self%lanes_are_one .and. all(is_accepted)
         if (.not. sees_accepted) return
@@ -55,7 +55,8 @@ contains
         end subroutine evaluate_again
     end procedure sees_accepted
 
-    !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were found.
+    !> Go on from an accepted state that the record has seen. That it is on the accepted assembly was judged when its rates were
+    !> found.
     module procedure accept_by_look
         associate (record => self%looks%record, out => self%looks%record%recorded%look, n => self%model%n_branch)
             associate (seen => record%samples%seen(:, 1))

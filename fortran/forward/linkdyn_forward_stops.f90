@@ -253,8 +253,8 @@ contains
         end do
     end subroutine drop_rounding
 
-    !> Stops that no force of theirs moves away, and that nothing moves either: what they bound does not change, as the distance of two
-    !> markers of one link does not, and comes to its stop by rounding alone. Nothing strikes them.
+    !> Stops that no force of theirs moves away, and that nothing moves either: what they bound does not change, as the distance of
+    !> two markers of one link does not, and comes to its stop by rounding alone. Nothing strikes them.
     subroutine find_idle(self, touches, speed, response, is_idle)
         class(forward_system), intent(in) :: self
         logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
@@ -269,7 +269,8 @@ contains
         end do
     end subroutine find_idle
 
-    !> What comes to its stop by rounding alone does so no more: its gap has a sign beyond the rounding of what it is a difference of.
+    !> What comes to its stop by rounding alone does so no more: its gap has a sign beyond the rounding of what it is a difference
+    !> of.
     subroutine tell_from_rounding(self, is_idle)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: is_idle(:, :)           !! (lane, n_stop)

@@ -1,16 +1,17 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 !>
-!> This file tells the story of a run: how rates come about at a state (`evaluate_forward`, `evaluate_on_lanes`), and what an accepted step
-!> brings with it (`accept_forward`). Each part of it keeps its own state in a type with a module of its own, which knows nothing of the
-!> system; what needs the whole system is in submodules: pushes of stops and clutches (`linkdyn_forward_contacts`), what happens at an
-!> instant (`linkdyn_forward_events`, `linkdyn_forward_stops`, `linkdyn_forward_clutches`), controllers (`linkdyn_forward_control`),
-!> how cylinders start (`linkdyn_forward_cylinders`), dead points of coordinates (`linkdyn_forward_watch`).
+!> This file tells the story of a run: how rates come about at a state (`evaluate_forward`, `evaluate_on_lanes`), and what an
+!> accepted step brings with it (`accept_forward`). Each part of it keeps its own state in a type with a module of its own, which
+!> knows nothing of the system; what needs the whole system is in submodules: pushes of stops and clutches
+!> (`linkdyn_forward_contacts`), what happens at an instant (`linkdyn_forward_events`, `linkdyn_forward_stops`,
+!> `linkdyn_forward_clutches`), controllers (`linkdyn_forward_control`), how cylinders start (`linkdyn_forward_cylinders`), dead
+!> points of coordinates (`linkdyn_forward_watch`).
 !>
-!> Rates come from a record of the scene, where it has one (`linkdyn_forward_by_record`); a state that the record does not serve, near a
-!> dead point or where the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
+!> Rates come from a record of the scene, where it has one (`linkdyn_forward_by_record`); a state that the record does not serve,
+!> near a dead point or where the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 !>
-!> gfortran 12 keeps procedures of this file that are not public to itself: what submodules call is bound to the type, or has its body in
-!> one of them.
+!> gfortran 12 keeps procedures of this file that are not public to itself: what submodules call is bound to the type, or has its
+!> body in one of them.
 module linkdyn_forward_system
     use linkdyn_bounce_watch, only: prepare_bounce_watch, measure_rates, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly, &
@@ -81,8 +82,8 @@ module linkdyn_forward_system
         logical :: wants_work = .true.
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
         ! ---- forces of actuators
-        logical, allocatable :: by_inverse(:)          !! drives `inverse` of free coordinates, whose force the scene's motion law asks
-                                                       !! for (n_actuator)
+        logical, allocatable :: by_inverse(:)          !! drives `inverse` of free coordinates, whose force the scene's motion law
+                                                       !! asks for (n_actuator)
         type(motion_forces) :: of_motion               !! these forces
         type(evaluated_drives), private :: drives      !! the others, but for those that are given
         type(controlled_drives) :: control
@@ -109,7 +110,8 @@ module linkdyn_forward_system
         real(wp), private :: t_tried = 0               !! [s]
         real(wp), allocatable, private :: y_tried(:)   !! of lane 1 (n)
         logical, private :: is_behind = .false.        !! it is not in the workspace
-        logical, private :: guards_agree = .false., guards_differ = .false.    !! as the record and lanes have them: neither, if nobody has
+        logical, private :: guards_agree = .false., guards_differ = .false.    !! as the record and lanes have them: neither, if
+                                                                               !! nobody has
                                                        !! compared them
     contains
         procedure :: evaluate => evaluate_forward
@@ -742,8 +744,8 @@ contains
         end do
     end subroutine evaluate_rest
 
-    !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold, but how joints
-    !> slide that may stick.
+    !> Is there a record that serves? It is made once that is worth while; it knows nothing of what stops and clutches hold, but how
+    !> joints slide that may stick.
     logical function has_record_now(self, t) result(has_one)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
@@ -891,8 +893,8 @@ contains
         applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%way%given_force)
     end function applies_motion_forces
 
-    !> Which sides of stops are touched: events decide it from one accepted state to the next. Their forces so stay what they are up to
-    !> the very end of a step, where the last stage may lie on either side.
+    !> Which sides of stops are touched: events decide it from one accepted state to the next. Their forces so stay what they are up
+    !> to the very end of a step, where the last stage may lie on either side.
     function touches(self) result(touch)
         class(forward_system), intent(in) :: self
         real(wp) :: touch(lanes, n_stop(self%model%scene))     ! see `measure_touch` (lane, side of a stop)

@@ -23,8 +23,8 @@ contains
         unknown%drive = model%scene%actuator%law%kind == effort_inverse .and. .not. all(unknown%acceleration)
     end subroutine choose_unknowns
 
-    !> Virtual work of platforms on legs, whose coordinates move all links, and where links are many and coordinates few; elimination
-    !> else.
+    !> Virtual work of platforms on legs, whose coordinates move all links, and where links are many and coordinates few;
+    !> elimination else.
     pure integer function fastest_solver(model, unknown) result(solver)
         type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown

@@ -21,8 +21,8 @@ module linkdyn_forward_way
         type(carried_assembly) :: assembly
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- forces of actuators
-        real(wp), allocatable :: given_force(:)        !! in place of drives, by whoever steps the system (n_actuator); absent: nobody
-                                                       !! gives any
+        real(wp), allocatable :: given_force(:)        !! in place of drives, by whoever steps the system (n_actuator); absent:
+                                                       !! nobody gives any
         type(motor_states) :: motors
         ! ---- events, end stops, clutches
         type(stop_states) :: stops

@@ -94,7 +94,8 @@ contains
                                                        !! step can be taken, `sample_undefined` where a force has no value or
                                                        !! nothing is a number any more; `sample_ok` if that is told otherwise
         character(len=:), allocatable :: driven_out, too_stiff
-        integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
+        integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage
+                                                       !! takes
         character(len=*), parameter :: no_other = ", and no other joint variable can take its place"
         integer :: stalled, lane
 

@@ -43,7 +43,8 @@ contains
         end do
     end function carried_off
 
-    !> Does a joint turn as a ball? Its angles tell how it is turned, not how far: that is about the axes of its first marker, all three at once.
+    !> Does a joint turn as a ball? Its angles tell how it is turned, not how far: that is about the axes of its first marker, all
+    !> three at once.
     pure logical function turns_as_ball(model, i)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i                       !! clutch
@@ -66,8 +67,9 @@ contains
         end do
     end function turned_off
 
-    !> The same of two markers about one axis of the first, however far they turn about others that are not held: these, if there are any,
-    !> are its z. About x and y it is that z which leans, and where it was does not hang on the yaw, which is not kept then.
+    !> The same of two markers about one axis of the first, however far they turn about others that are not held: these, if there
+    !> are any, are its z. About x and y it is that z which leans, and where it was does not hang on the yaw, which is not kept
+    !> then.
     function turned_from(model, state, i, kept) result(turn)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state

@@ -1,5 +1,5 @@
-!> What stops and clutches hold: how fast joint variables come away from stops, and how fast clutches slip. Both are numbered together,
-!> stops first.
+!> What stops and clutches hold: how fast joint variables come away from stops, and how fast clutches slip. Both are numbered
+!> together, stops first.
 module linkdyn_held_variables
     use linkdyn_forward_state, only: state_layout
     use linkdyn_joint_rates, only: coordinate_of

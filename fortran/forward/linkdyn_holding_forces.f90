@@ -1,5 +1,5 @@
-!> Driving forces that hold a mechanism where it is, at rest: against its weight and its springs, not against loads. What controllers
-!> with the feed-forward "gravity" add.
+!> Driving forces that hold a mechanism where it is, at rest: against its weight and its springs, not against loads. What
+!> controllers with the feed-forward "gravity" add.
 module linkdyn_holding_forces
     use linkdyn_carried_assembly, only: carried_assembly, evaluate_assembled
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &

@@ -138,9 +138,9 @@ contains
         end function hardest_slip
     end subroutine find_locking
 
-    !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
-    !> so slowly that it would come back before rounding let its gap be seen, or the clock tell the two impacts apart, has no speed
-    !> either.
+    !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that
+    !> leaves so slowly that it would come back before rounding let its gap be seen, or the clock tell the two impacts apart, has no
+    !> speed either.
     pure subroutine find_resting(response, touches, speed, away, widest, least_gap, least_time, is_closed, rests)
         real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
         logical, intent(in) :: touches(:)              !! their gaps are closed

@@ -1,9 +1,10 @@
-!> Margins along the way of a step that is to be accepted: whether what its ends tell of the assembly is all that has happened between.
+!> Margins along the way of a step that is to be accepted: whether what its ends tell of the assembly is all that has happened
+!> between.
 !>
-!> A loop that passes two change points within a step has a margin of the same sign at both ends, and rates there that say nothing. So
-!> margins are looked at in some places of the step. Of a closed form the margin is the sine of an angle: where it goes no more than one
-!> from place to place, at the largest of its rates, no two change points fit between two places. A step is gone at once if each map
-!> changes the sign of its margin once at most.
+!> A loop that passes two change points within a step has a margin of the same sign at both ends, and rates there that say nothing.
+!> So margins are looked at in some places of the step. Of a closed form the margin is the sine of an angle: where it goes no more
+!> than one from place to place, at the largest of its rates, no two change points fit between two places. A step is gone at once if
+!> each map changes the sign of its margin once at most.
 module linkdyn_margins_within
     use linkdyn_kinds, only: wp
     implicit none (type, external)

@@ -1,7 +1,7 @@
 !> Driving forces that the scene's motion asks for, wherever a forward run really is: what drives `inverse` apply.
 !>
-!> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes; torques of motors
-!> behind transmissions that lose some of them always come from the lanes.
+!> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes; torques of
+!> motors behind transmissions that lose some of them always come from the lanes.
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_agreement, only: agreement, are_alike
@@ -36,7 +36,8 @@ module linkdyn_motion_forces
     type :: motion_forces
         logical :: is_needed = .false.
         real(wp), allocatable :: force(:, :)           !! found last (lane, n_actuator)
-        real(wp), allocatable :: motor_torque(:, :)    !! that makes them behind a gear or screw, what these lose included (lane, n_actuator)
+        real(wp), allocatable :: motor_torque(:, :)    !! that makes them behind a gear or screw, what these lose included (lane,
+                                                       !! n_actuator)
         logical :: wants_torques = .false.             !! controllers feed these forward
         integer :: status(lanes) = sample_ok           !! of these
         type(model_type), pointer, private :: model => null()  !! with the coordinates that the motion speaks of
@@ -189,8 +190,8 @@ contains
         end associate
     end subroutine solve_on_lanes
 
-    !> Torques of motors that make the forces found: rotors take their part at the motion's acceleration, and transmissions lose theirs as
-    !> the run has it, in the direction of the motion.
+    !> Torques of motors that make the forces found: rotors take their part at the motion's acceleration, and transmissions lose
+    !> theirs as the run has it, in the direction of the motion.
     subroutine find_torques(model, state, forces)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state     !! of the motion
@@ -281,8 +282,8 @@ contains
         forces%is_by_record = .false.
     end subroutine leave_motion_record
 
-    !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect, and the
-    !> lanes are believed.
+    !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect, and
+    !> the lanes are believed.
     logical function agrees_with_lanes(t, pose, forces) result(agrees)
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: pose(:, :)             !! representative ones (n_q, n)

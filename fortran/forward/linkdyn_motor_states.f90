@@ -15,9 +15,11 @@ module linkdyn_motor_states
         switch_brakes
 
     type :: motor_states
-        real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
+        real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N
+                                                       !! m]
         real(wp), allocatable :: current_rate(:, :)    !! in windings, at the states evaluated last (lane, n_actuator) [A/s]
-        real(wp) :: t_braked(lanes) = 0                !! end of the accepted step: a brake that comes on there was off until then [s]
+        real(wp) :: t_braked(lanes) = 0                !! end of the accepted step: a brake that comes on there was off until then
+                                                       !! [s]
         real(wp), allocatable :: switched(:, :)        !! last event that switched a brake (lane, n_actuator) [s]; -huge: none
         logical, allocatable :: is_on(:, :)            !! since then (lane, n_actuator)
     end type motor_states

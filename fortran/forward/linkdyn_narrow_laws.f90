@@ -259,7 +259,8 @@ contains
         if (i > 0) part = max(shortest, real(i - 2, wp)/(size(value) - 1))
     end function part_before_peak
 
-    !> The largest function below the values that is made of pieces of so many of them. Beyond its ends the step goes on as it is there.
+    !> The largest function below the values that is made of pieces of so many of them. Beyond its ends the step goes on as it is
+    !> there.
     pure function opened(value, width) result(low)
         real(wp), intent(in) :: value(:)
         integer, intent(in) :: width
@@ -269,7 +270,8 @@ contains
         low = -least_of(-eroded, width)
     end function opened
 
-    !> The least of each value and the next ones, `width` in all. Blocks of as many are gone through from both of their ends (van Herk).
+    !> The least of each value and the next ones, `width` in all. Blocks of as many are gone through from both of their ends (van
+    !> Herk).
     pure function least_of(value, width) result(least)
         real(wp), intent(in) :: value(:)
         integer, intent(in) :: width

@@ -1,5 +1,5 @@
-!> Laws at motors in rates that come from a record: the record takes driving forces, and gives what of them is transmitted and how all
-!> that it finds changes with each, so what transmissions lose follows from one run of it (`linkdyn_loss_balance`).
+!> Laws at motors in rates that come from a record: the record takes driving forces, and gives what of them is transmitted and how
+!> all that it finds changes with each, so what transmissions lose follows from one run of it (`linkdyn_loss_balance`).
 !>
 !> Where joints rub, rates are not linear in driving forces: what is lost settles with friction (`linkdyn_recorded_friction`).
 module linkdyn_recorded_motors
@@ -13,7 +13,8 @@ module linkdyn_recorded_motors
 
 contains
 
-    !> Rates of the first n samples, whose laws have been applied, with what is lost taken off. A sample whose transmissions may jam is left.
+    !> Rates of the first n samples, whose laws have been applied, with what is lost taken off. A sample whose transmissions may jam
+    !> is left.
     subroutine settle_losses(model, motors, recorded, n, samples)
         type(model_type), intent(in) :: model
         integer, intent(in) :: motors(:)               !! that lose

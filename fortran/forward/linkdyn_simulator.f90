@@ -4,8 +4,8 @@
 !> The forces stay as they are during a step, as those of a controller with a hold do. Steps of the integrator end where
 !> the caller's do, and at the kinks of laws between; what it has learnt of their length it keeps.
 !>
-!> Callers know the scene's coordinates, so none is exchanged at its dead point, as forward runs do: there the simulation ends. It is watched
-!> all the same, or steps would lead over that point to a mechanism that was thrown back.
+!> Callers know the scene's coordinates, so none is exchanged at its dead point, as forward runs do: there the simulation ends. It
+!> is watched all the same, or steps would lead over that point to a mechanism that was thrown back.
 module linkdyn_simulator
     use linkdyn_coordinate_watch, only: prepare_watch, dead_coordinate
     use linkdyn_cylinder_states, only: pressures_of_state, end_of_cylinder
@@ -61,8 +61,8 @@ contains
 
     !> Plan a scene's mechanism and put it at its start.
     !>
-    !> **Errors**: what the equations refuse; a start that cannot be assembled, or for which a table has no rows; options that make no
-    !> sense.
+    !> **Errors**: what the equations refuse; a start that cannot be assembled, or for which a table has no rows; options that make
+    !> no sense.
     subroutine open(self, model, options, t, status)
         class(simulator_type), intent(inout) :: self
         type(model_type), intent(in) :: model
@@ -185,8 +185,8 @@ contains
         deallocate (self%system)
     end subroutine leave
 
-    !> Keep where it stands, with what controllers, brakes, clutches and stops remember, turns that are counted, and what the integrator
-    !> has learnt.
+    !> Keep where it stands, with what controllers, brakes, clutches and stops remember, turns that are counted, and what the
+    !> integrator has learnt.
     !>
     !> **Errors**: it stands nowhere.
     subroutine keep(self, state, status)
@@ -231,7 +231,8 @@ contains
 
     !> Go on to an instant under these forces, for a quarter of a second of computing at most: `read` says how far it got.
     !>
-    !> **Errors**: a step that leaves a table, which is not begun; a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
+    !> **Errors**: a step that leaves a table, which is not begun; a place beyond which the mechanism cannot be computed; the state
+    !> is then that of the last good instant.
     subroutine step(self, t_end, force, status)
         class(simulator_type), intent(inout) :: self
         real(wp), intent(in) :: t_end                  !! [s]

@@ -1,9 +1,9 @@
-!> Joint variables of one joint that slip along one surface: they rest and break loose together, and friction is against the way they
-!> slip as a whole.
+!> Joint variables of one joint that slip along one surface: they rest and break loose together, and friction is against the way
+!> they slip as a whole.
 !>
-!> Their slips s count as the surface slides, l s with the levers l of `linkdyn_contact`: |l s| is its speed, and friction f at the joint variables
-!> is within |f/l| <= mu N. What begins to slip from rest begins along the unit vector d that it keeps: with the accelerations a of l s without
-!> friction, and the response W to f/l,
+!> Their slips s count as the surface slides, l s with the levers l of `linkdyn_contact`: |l s| is its speed, and friction f at the
+!> joint variables is within |f/l| <= mu N. What begins to slip from rest begins along the unit vector d that it keeps: with the
+!> accelerations a of l s without friction, and the response W to f/l,
 !>
 !>     a - c W d = r d,    |d| = 1,    r > 0
 !>
@@ -56,8 +56,8 @@ contains
         end do
     end function slip_levers
 
-    !> Below these speeds a surface that slides along several joint variables has come to rest, if it slides no more the way it did; of clutches
-    !> that go alone 0.
+    !> Below these speeds a surface that slides along several joint variables has come to rest, if it slides no more the way it did;
+    !> of clutches that go alone 0.
     pure function still_speeds(model) result(speed)
         type(model_type), intent(in) :: model
         real(wp) :: speed(n_clutch(model%scene))
@@ -132,7 +132,8 @@ contains
     !> List all that stops and clutches hold: what goes together, and the levers.
     pure subroutine list_held(model, lead, lever)
         type(model_type), intent(in) :: model
-        integer, intent(out) :: lead(:)                !! the same of all that go together; below zero: stops, which go alone (n_held)
+        integer, intent(out) :: lead(:)                !! the same of all that go together; below zero: stops, which go alone
+                                                       !! (n_held)
         real(wp), intent(out) :: lever(:)              !! speed of the surface over each rate; of what goes alone 1 (n_held)
         integer :: i, n
 
@@ -147,8 +148,8 @@ contains
         lever(n + 1:) = slip_levers(model)
     end subroutine list_held
 
-    !> Pushes that give these changes. Where the joint variables of a surface depend on each other, as those of a ball in a loop do, what holds
-    !> it is the least of all that does so: along the ways that it can slide.
+    !> Pushes that give these changes. Where the joint variables of a surface depend on each other, as those of a ball in a loop do,
+    !> what holds it is the least of all that does so: along the ways that it can slide.
     pure function solve_together(lead, lever, response, wanted) result(push)
         integer, intent(in) :: lead(:)
         real(wp), intent(in) :: lever(:)

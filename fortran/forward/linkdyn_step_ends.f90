@@ -1,7 +1,7 @@
 !> The states in which steps end, looked at by a record: each once, on one lane, for all who judge steps.
 !>
-!> What is seen are energies, margins of the closed forms, and how what is watched moves (`linkdyn_look_program`). A state of which the
-!> record is not sure is left to the lanes, as everywhere.
+!> What is seen are energies, margins of the closed forms, and how what is watched moves (`linkdyn_look_program`). A state of which
+!> the record is not sure is left to the lanes, as everywhere.
 module linkdyn_step_ends
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch
     use linkdyn_carried_assembly, only: carried_assembly, note_doubt
@@ -27,7 +27,8 @@ module linkdyn_step_ends
 
     !> What has been seen of a state on each lane.
     type :: seen_lanes
-        real(wp), allocatable :: value(:, :)           !! the first, as `look_outputs` tells: of assemblies and energies (lane, value)
+        real(wp), allocatable :: value(:, :)           !! the first, as `look_outputs` tells: of assemblies and energies (lane,
+                                                       !! value)
         logical :: counts = .false.                    !! else the record is not sure of one
     end type seen_lanes
 
@@ -182,8 +183,8 @@ contains
         look%y = y
     end subroutine note_first
 
-    !> Look at accepted states, one a lane, of a scene without groups. Nothing of it counts unless all that matter leave no doubt that they are
-    !> on the accepted assembly.
+    !> Look at accepted states, one a lane, of a scene without groups. Nothing of it counts unless all that matter leave no doubt
+    !> that they are on the accepted assembly.
     subroutine see_lanes(model, layout, t, y, turns, matters, assembly, look)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
@@ -209,8 +210,8 @@ contains
         look%of_lanes%counts = .not. any((look%record%samples%is_left(:lanes) .or. doubt > 0) .and. matters)
     end subroutine see_lanes
 
-    !> The same of places along one way, the first of which is on the accepted assembly. Nothing of it counts unless each next place is as
-    !> surely on it: beyond a change point it would be another one that is seen.
+    !> The same of places along one way, the first of which is on the accepted assembly. Nothing of it counts unless each next place
+    !> is as surely on it: beyond a change point it would be another one that is seen.
     subroutine see_way(model, layout, t, y, turns, assembly, look)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout

@@ -9,7 +9,8 @@ module linkdyn_stop_states
 
     type :: stop_states
         logical, allocatable :: rests(:, :)            !! a joint variable rests at a stop (lane, n_stop)
-        real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N m]
+        real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N
+                                                       !! m]
         real(wp), allocatable :: fastest(:, :)         !! impact so far (lane, n_stop) [m/s, rad/s]
         real(wp) :: hardest(lanes) = 0                 !! of all: speed by the root of the response to a push [sqrt(J)]
         real(wp), allocatable :: yielded(:, :)         !! depth at which contacts were found, by rounding and drift: their gaps
@@ -49,8 +50,8 @@ contains
         end do
     end subroutine hard_gaps
 
-    !> Contacts that are closed and do not rest begin their gaps where they are: a variable that has drifted a little beyond its stop
-    !> while it rested there, or that rounding leaves there, is not to come out first. One that is further beyond was lost.
+    !> Contacts that are closed and do not rest begin their gaps where they are: a variable that has drifted a little beyond its
+    !> stop while it rested there, or that rounding leaves there, is not to come out first. One that is further beyond was lost.
     subroutine begin_gaps(model, gap, is_wanted, rested, stops)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: gap(:, :)              !! (lane, n_stop)

@@ -37,7 +37,8 @@ module linkdyn_study
 
     real(wp), parameter :: least_seconds = 0.02_wp    !! of a measurement
     real(wp), parameter :: most_seconds = 4.0_wp      !! a method that took longer goes no further down its ladder
-    real(wp), parameter :: unstable = 1.0e4_wp        !! growth of errors from a tenth of a run to its end; even motions have 100 at most
+    real(wp), parameter :: unstable = 1.0e4_wp        !! growth of errors from a tenth of a run to its end; even motions have 100 at
+                                                      !! most
 
 contains
 

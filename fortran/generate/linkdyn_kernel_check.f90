@@ -1,5 +1,5 @@
-!> Does a kernel find what the engine finds on its lanes? Asked once for each that code is made of, at representative poses in motion:
-!> what the code would find is what its kernel finds here. A difference would be a defect, and the code is not written.
+!> Does a kernel find what the engine finds on its lanes? Asked once for each that code is made of, at representative poses in
+!> motion: what the code would find is what its kernel finds here. A difference would be a defect, and the code is not written.
 module linkdyn_kernel_check
     use linkdyn_agreement, only: agreement, are_alike
     use linkdyn_assembly_trail, only: sample_assembly, place_sample

@@ -73,8 +73,8 @@ contains
         y = vector(zero(), cos(angle(1)), sin(angle(1)))
     end function pitch_axis
 
-    !> Roll, pitch, yaw of a rotation, pitch within a right angle. Yaw is what is left once roll is taken away: so the three tell the
-    !> rotation at a right angle, too, where roll alone is not certain.
+    !> Roll, pitch, yaw of a rotation, pitch within a right angle. Yaw is what is left once roll is taken away: so the three tell
+    !> the rotation at a right angle, too, where roll alone is not certain.
     function angles_of_rotation(r) result(angle)
         type(rotation), intent(in) :: r
         type(value) :: angle(3), c, s

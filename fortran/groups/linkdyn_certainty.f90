@@ -1,5 +1,5 @@
-!> What decides how many digits the motion behind a closed form has: how its two links close the gap between them, of velocities and of
-!> accelerations. See `linkdyn_uncertainty`.
+!> What decides how many digits the motion behind a closed form has: how its two links close the gap between them, of velocities and
+!> of accelerations. See `linkdyn_uncertainty`.
 module linkdyn_certainty
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of
     use linkdyn_csp_group, only: csp_lines

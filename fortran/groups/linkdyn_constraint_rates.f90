@@ -2,8 +2,9 @@
 !>
 !> A joint's kind says which values vanish while it holds. Here these are written for two free bodies, whose places and
 !> motion are symbols, differentiated twice with respect to time, and only then are the symbols replaced by what is known
-!> of the two links. A variable that gears make of those of other joints has their links beside its own. So a closed form, in which a gap is zero by construction, still has its equation of velocities; and
-!> with a displacement in place of the velocity the same rate is a row of Newton's method.
+!> of the two links. A variable that gears make of those of other joints has their links beside its own. So a closed form, in which
+!> a gap is zero by construction, still has its equation of velocities; and with a displacement in place of the velocity the same
+!> rate is a row of Newton's method.
 module linkdyn_constraint_rates
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_kind, only: marker_pair

@@ -102,8 +102,8 @@ contains
         r%z = frame.rotate.vector(own%x%z, own%y%z, own%z%z)
     end function turned_back
 
-    !> The lines of a placed group: the coupler's axis, the radius of the ball about it, which turns with the coupler, and the slide's
-    !> direction, which turns with the output; world axes.
+    !> The lines of a placed group: the coupler's axis, the radius of the ball about it, which turns with the coupler, and the
+    !> slide's direction, which turns with the output; world axes.
     subroutine csp_lines(mechanism, step, axis, radius, length, slide)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step

@@ -120,8 +120,8 @@ contains
         end associate
     end subroutine move_ppr
 
-    !> What a slide inside a half adds to a rate of the inner joint, seen from the link: its axis times a rate of its variable; nothing
-    !> of a half without one.
+    !> What a slide inside a half adds to a rate of the inner joint, seen from the link: its axis times a rate of its variable;
+    !> nothing of a half without one.
     function drawn_out(mechanism, half, rate) result(v)
         type(mechanism_type), intent(in) :: mechanism
         type(half_type), intent(in) :: half

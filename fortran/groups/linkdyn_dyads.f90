@@ -27,7 +27,8 @@ module linkdyn_dyads
         integer :: given = 0                               !! coordinate, or what gears lead, that gives its variable
         integer :: led_side = 0                            !! of the link in it
         integer :: known = 0                               !! link at the other side of the outer joint
-        integer :: shift(2) = 0                            !! coordinates by which that link sees the outer joint's point; 0: there are none
+        integer :: shift(2) = 0                            !! coordinates by which that link sees the outer joint's point; 0: there
+                                                           !! are none
         integer :: outer = 0, inner = 0                    !! joints
         integer :: side = 0, inner_side = 0                !! of the link in the outer, of the tip in the inner one
         integer :: sense = 1                               !! +1: a slide at the outer joint grows as the link moves along its axis
@@ -208,8 +209,8 @@ contains
         call hang(mechanism, half(2), rotation_of(mechanism%bodies, half(2)%link))
     end subroutine place_ppr
 
-    !> How the inner joint moves with each of the links, of a dyad that is placed: turned by a unit angle about its outer hinge, or along
-    !> its slide.
+    !> How the inner joint moves with each of the links, of a dyad that is placed: turned by a unit angle about its outer hinge, or
+    !> along its slide.
     subroutine find_ways(mechanism, step)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step

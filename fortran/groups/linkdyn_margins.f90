@@ -90,8 +90,8 @@ contains
         turn = normal%z*reciprocal(arm.dot.arm)
     end function turn_of_way
 
-    !> Margin of a pair of sliding links between two hinges, A and B: the first way is the line AB turned left, the second, along the
-    !> slide, turns with the pair. The sine is that of the slide's length; how the line's own length changes is left out, as it
+    !> Margin of a pair of sliding links between two hinges, A and B: the first way is the line AB turned left, the second, along
+    !> the slide, turns with the pair. The sine is that of the slide's length; how the line's own length changes is left out, as it
     !> does not turn anything.
     subroutine margin_of_pair(mechanism, step, margin, drift)
         type(mechanism_type), intent(in) :: mechanism

@@ -102,7 +102,8 @@ contains
         integer, intent(in) :: j                       !! joint
         logical, intent(in) :: from_second             !! its second link is known, the first is placed
         type(value), intent(in) :: q(:), qd(:)         !! its variables, whose rates the mechanism knows [m, rad]
-        type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint, or of that other one; the rates are then about
+        type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint, or of that other one; the rates are then
+                                                              !! about
                                                        !! the first marker's axes
         integer, intent(in), optional :: attitude      !! that other joint, whose variables follow
         type(joint_shift) :: shift

@@ -30,7 +30,8 @@ module linkdyn_parallel_rods
 
 contains
 
-    !> The pairs hold the attitude, and not hardly. On either side of where they do not the platform only shifts: it is the same assembly.
+    !> The pairs hold the attitude, and not hardly. On either side of where they do not the platform only shifts: it is the same
+    !> assembly.
     subroutine must_hold(mechanism, step)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step
@@ -40,8 +41,8 @@ contains
         call must_be_positive(mechanism, square(margin) - least_square)
     end subroutine must_hold
 
-    !> Margin and its rate. Joints of the step: of each pair, that of its own rod first, both ends of one rod, then the other rod's end
-    !> at the platform, if there is another one.
+    !> Margin and its rate. Joints of the step: of each pair, that of its own rod first, both ends of one rod, then the other rod's
+    !> end at the platform, if there is another one.
     subroutine margin_of_hold(mechanism, step, margin, drift)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step

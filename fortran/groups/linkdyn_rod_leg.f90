@@ -2,8 +2,8 @@
 !> with the rod that drives it. Where the lead is known, too, the rod alone.
 !>
 !> The *lead*, crank or carriage, hangs on the base by a hinge or slide. One end of the rod is at the lead, E, the other, P, at the
-!> top; one is in a universal joint, the other in a ball. E goes along a circle or line, P is known, and so is the rod's length L: in
-!> the axes of the base's marker, w from its point to P, n = (nx, ny, nz) to E,
+!> top; one is in a universal joint, the other in a ball. E goes along a circle or line, P is known, and so is the rod's length L:
+!> in the axes of the base's marker, w from its point to P, n = (nx, ny, nz) to E,
 !>
 !>     slide:   nx, ny fixed              nz = wz + S              S^2 = L^2 - (wx - nx)^2 - (wy - ny)^2
 !>     hinge:   nz fixed, |nx, ny| = r    (nx, ny) = (C (wx, wy) + S (-wy, wx))/h^2       h = |wx, wy|

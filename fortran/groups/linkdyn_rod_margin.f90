@@ -33,8 +33,8 @@ contains
         drift = -(per_lengths*(omega.dot.(way.cross.rod)))
     end subroutine margin_of_rod
 
-    !> Sine, reach, speed, gap, acceleration, gap of accelerations, as `uncertainty_of_motion` takes them. A rod that comes to lie along
-    !> the first axis of its universal joint is as uncertain as one that lies across the way of its end.
+    !> Sine, reach, speed, gap, acceleration, gap of accelerations, as `uncertainty_of_motion` takes them. A rod that comes to lie
+    !> along the first axis of its universal joint is as uncertain as one that lies across the way of its end.
     function quality_of_rod(mechanism, step) result(q)
         type(mechanism_type), intent(in) :: mechanism
         type(step_type), intent(in) :: step

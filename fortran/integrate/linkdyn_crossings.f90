@@ -24,7 +24,8 @@ module linkdyn_crossings
     public :: step_taken, find_crossing, note_sides, most_pieces
 
     integer, parameter :: most_pieces = 16         !! of a step
-    integer, parameter :: n_near = 10              !! places in the first quarter, each half as far from the beginning as the next one
+    integer, parameter :: n_near = 10              !! places in the first quarter, each half as far from the beginning as the next
+                                                   !! one
     real(wp), parameter :: margin = 4
     real(wp), parameter :: noise = 50*epsilon(1.0_wp)    !! of a guard's largest value so far: less than that has no sign
 

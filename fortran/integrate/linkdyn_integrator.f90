@@ -140,9 +140,9 @@ contains
         end if
     end subroutine check_options
 
-    !> Tolerances that steps can be judged by. Looser ones leap over what happens, a change point or a stop, without a trace in the error
-    !> that they estimate: of runs through these at 1e-1 to 1e-3 some took another way, of those at 1e-4 none did. The many small steps of
-    !> `msbdf` add up what each leaves.
+    !> Tolerances that steps can be judged by. Looser ones leap over what happens, a change point or a stop, without a trace in the
+    !> error that they estimate: of runs through these at 1e-1 to 1e-3 some took another way, of those at 1e-4 none did. The many
+    !> small steps of `msbdf` add up what each leaves.
     pure function tightened(options) result(own)
         type(integrator_options), intent(in) :: options
         type(integrator_options) :: own
@@ -504,8 +504,8 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
         integer, parameter :: most_unsound = 5         !! steps tried from one place
-        real(wp), parameter :: fine = 1.0e-4_wp        !! at a coarser tolerance shorter steps, each allowed its error, add up to what
-                                                       !! ends the run now
+        real(wp), parameter :: fine = 1.0e-4_wp        !! at a coarser tolerance shorter steps, each allowed its error, add up to
+                                                       !! what ends the run now
         real(wp) :: h, h_seen, t_before, t_next, solution(size(y, 2)), kept(lanes, size(y, 2))
         logical :: ok, is_sound
         integer :: n_jump, n_unsound
@@ -629,9 +629,9 @@ contains
     end function leads_back
 
     !> A step of the multistep method, looked through by another one that takes parts of it from its beginning, at the same
-    !> tolerances. Where guards cross the step ends. The two methods come to different ends, as the tolerances allow: a crossing that
-    !> lies between these would leave the solution behind it, and be met again and again. So a step that seems to cross is
-    !> the other method's to its end.
+    !> tolerances. Where guards cross the step ends. The two methods come to different ends, as the tolerances allow: a crossing
+    !> that lies between these would leave the solution behind it, and be met again and again. So a step that seems to cross is the
+    !> other method's to its end.
     subroutine look_through(self, system, t_before, y, solution)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system

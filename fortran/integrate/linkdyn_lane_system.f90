@@ -15,7 +15,8 @@ module linkdyn_lane_system
         integer :: n_jump = 0                             !! how often it did
         real(wp), allocatable :: guard_side(:, :)         !! sign of a guard at the accepted state; 0: none yet (lane, n_guard)
         real(wp), allocatable :: guard_scale(:, :)        !! its largest size so far (lane, n_guard)
-        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
+        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane,
+                                                          !! n_guard)
     end type lane_way
 
     !> dy/dt = f(t, y), `lanes` solutions side by side.
@@ -33,8 +34,8 @@ module linkdyn_lane_system
                                                           !! size; not allocated: each is alone (n)
         real(wp), allocatable :: beside(:)                !! sizes of what components change, where these tell by how much they
                                                           !! may be off; not allocated: their own ways do (n)
-        real(wp), allocatable :: per_place(:)             !! how much of a component a place is worth, or an angle: it may be off by what
-                                                          !! rounding leaves of these, times that; not allocated: nothing (n)
+        real(wp), allocatable :: per_place(:)             !! how much of a component a place is worth, or an angle: it may be off by
+                                                          !! what rounding leaves of these, times that; not allocated: nothing (n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)

@@ -430,7 +430,8 @@ contains
         if (self%i_stretch == 0) call self%method%propose(trial%step, trial%allowed, .true., self%next)
         ! A step that was cut short by where it had to end says nothing against a longer one.
         if (self%n_refused == 0 .and. trial%step < before) self%next = max(self%next, before)
-        ! Where the system has failed it is likely to fail again, a step further on; it is tried when some shorter ones have been taken.
+        ! Where the system has failed it is likely to fail again, a step further on; it is tried when some shorter ones have been
+        ! taken.
         self%next = min(self%next, max(trial%step, in_reach*self%out_of_reach))
         self%out_of_reach = min(tried_again*self%out_of_reach, huge(1.0_wp)/tried_again)
         part = maxval(abs(trial%error)/trial%asked)
@@ -679,8 +680,8 @@ contains
     end subroutine watch_roughness
 
     !> How much of the error estimate rounding makes: its scatter among steps that begin a very little later, and in the last
-    !> place elsewhere. Not known where one of these cannot be taken, which is no matter of rounding. If two of the three agree and one
-    !> does not, they have begun on either side of a kink, or their Jacobians were taken there.
+    !> place elsewhere. Not known where one of these cannot be taken, which is no matter of rounding. If two of the three agree and
+    !> one does not, they have begun on either side of a kink, or their Jacobians were taken there.
     subroutine measure_rounding(self, system, trial, rough, is_known)
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -885,7 +886,8 @@ contains
     end subroutine lay_curve
 
     !> The same by one step, ahead from the beginning or back from the end, or by several; at last by the better one of the first
-    !> two, if it leaves the digits that a result must have. It is a trial of its own: no bit of it may hang on what was looked at before.
+    !> two, if it leaves the digits that a result must have. It is a trial of its own: no bit of it may hang on what was looked at
+    !> before.
     subroutine step_within(self, system, t, solution)
         class(controlled_step), intent(inout) :: self
         class(lane_system), intent(inout) :: system

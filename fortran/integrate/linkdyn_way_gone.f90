@@ -9,8 +9,8 @@
 !> to go by.
 !>
 !> What is added up of large numbers that cancel has its size from beside it: the work of drives, which is zero as long as a heavy
-!> machine only turns, is one of its kinetic energy. And where a force acts, work knows no more than places do: a machine that its drives hold
-!> at rest moves by rounding, which their forces make a work of rounding, however large that is beside 1 J.
+!> machine only turns, is one of its kinetic energy. And where a force acts, work knows no more than places do: a machine that its
+!> drives hold at rest moves by rounding, which their forces make a work of rounding, however large that is beside 1 J.
 module linkdyn_way_gone
     use linkdyn_kinds, only: wp
     implicit none (type, external)

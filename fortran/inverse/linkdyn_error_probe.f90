@@ -57,7 +57,8 @@ module linkdyn_error_probe
     !> Scratch and results of one thread.
     type :: probe_space
         type(equation_workspace), allocatable :: workspace(:)
-        real(wp), allocatable :: reaction(:, :, :, :)       !! of the copies, then of the block itself (lane, n_component, n_joint, copy)
+        real(wp), allocatable :: reaction(:, :, :, :)       !! of the copies, then of the block itself (lane, n_component, n_joint,
+                                                            !! copy)
         ! ---- RESULTS
         real(wp), allocatable :: driving_force_error(:, :)  !! (lane, n_actuator) [N, N m]
         real(wp), allocatable :: reaction_error(:, :, :)    !! (lane, n_component, n_joint) [N, N m]

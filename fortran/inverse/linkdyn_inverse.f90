@@ -36,8 +36,8 @@ module linkdyn_inverse
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
     public :: solver_name, choose_solver, look_for_record, samples_to_come, place_by_record
 
-    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for the
-    !> calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
+    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without. Who keeps a solver for
+    !> the calls to come expects as many, at least: loops closed by iteration then take their steps from the first call on.
     integer, parameter :: worth_closing = 256, samples_to_come = worth_closing
 
     !> What serves a batch beside the lanes.
@@ -182,7 +182,8 @@ contains
         type(assembly_trail), intent(inout), optional :: trail
         type(sample_assembly), intent(in), optional, target :: known
         type(model_type), intent(in), optional, target :: own   !! that other model; absent: no coordinate stands in
-        type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
+        type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a
+                                                                !! turn
         type(programs_at_hand) :: programs
         type(inverse_results) :: part
         real(wp), allocatable, target :: own_rate(:, :)         ! of joints, if turns need them and nobody else
@@ -255,7 +256,8 @@ contains
         if (present(own)) stands_in = any(model%scene%coordinate%for_joint > 0)
     end function stands_in
 
-    !> Where links are closed by iteration their places are found first, then the forces: what stands between has to stay in the cache.
+    !> Where links are closed by iteration their places are found first, then the forces: what stands between has to stay in the
+    !> cache.
     pure integer function samples_of_a_round(model, n) result(length)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n                                !! samples of the batch

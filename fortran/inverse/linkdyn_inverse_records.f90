@@ -1,8 +1,8 @@
 !> Batches by the record of their scene: whether one is worth while, found or made, believed, run.
 !>
 !> A solver keeps one record for each choice of results, where nothing but results of the catalogue is asked for. It runs straight
-!> from and into the caller's arrays; samples at which it raises its alarm are left to the lanes. A motion is followed by a record of
-!> its own, of the margins, which `follow_assembly` knows as a `margin_source`.
+!> from and into the caller's arrays; samples at which it raises its alarm are left to the lanes. A motion is followed by a record
+!> of its own, of the margins, which `follow_assembly` knows as a `margin_source`.
 submodule (linkdyn_inverse) linkdyn_inverse_records
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_agreement, only: agreement, are_alike
@@ -78,7 +78,8 @@ contains
         integer, intent(in) :: n                               !! samples of this batch and those to come
         logical, intent(in) :: is_there                        !! it has been made for a batch before
         integer, parameter :: worth_writing = 4000, worth_leading = 128
-        integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
+        integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that
+                                                               !! time
 
         if (solver%is_one_of_many) then
             is_worth_recording = is_worth_own_record(model, int(max(n, solver%records%n_asked), int64))
@@ -183,9 +184,9 @@ contains
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
-    !> would be a defect, and the lanes are believed. Equations have both the same, so it is the motion that is looked at: by the balance of
-    !> power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by one, and places
-    !> where nothing else is wanted.
+    !> would be a defect, and the lanes are believed. Equations have both the same, so it is the motion that is looked at: by the
+    !> balance of power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by
+    !> one, and places where nothing else is wanted.
     recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver

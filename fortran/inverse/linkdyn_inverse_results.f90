@@ -1,5 +1,5 @@
-!> Where the results of inverse dynamics go: a table by their numbers in the catalogue. Who computes them, keeps them or hands them on
-!> walks through the table; what one of them is need not be said again.
+!> Where the results of inverse dynamics go: a table by their numbers in the catalogue. Who computes them, keeps them or hands them
+!> on walks through the table; what one of them is need not be said again.
 module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_catalogue, only: needs_equations
@@ -38,7 +38,8 @@ module linkdyn_inverse_results
         type(result_target) :: of(n_results)                        !! each (values of a sample, n), by `result_*`
         integer, pointer, contiguous :: status(:) => null()         !! (n) one of `sample_*`
         integer, pointer, contiguous :: assembly(:) => null()       !! (n) one of `reached_*`
-        real(wp), pointer, contiguous :: load(:, :, :) => null()    !! loads, with those that follow the state (6, n_load, n) [N, N m]
+        real(wp), pointer, contiguous :: load(:, :, :) => null()    !! loads, with those that follow the state (6, n_load, n) [N, N
+                                                                    !! m]
         type(road_counts) :: roads                                  !! of the samples
         integer :: lost_sample = 0                                  !! the first to which the assembly was not followed; 0: none
         character(len=message_len) :: lost_in_words = ""            !! why
@@ -211,8 +212,8 @@ contains
         if (associated(whole%assembly)) part%assembly => whole%assembly(first:last)
     end function part_of_results
 
-    !> A sample that failed has no forces, nor what follows from them or from a motion that is none. Where its links stand, and what is
-    !> known of the solution, is told all the same.
+    !> A sample that failed has no forces, nor what follows from them or from a motion that is none. Where its links stand, and what
+    !> is known of the solution, is told all the same.
     subroutine make_undefined(results, sample)
         type(inverse_results), intent(inout) :: results
         integer, intent(in) :: sample

@@ -1,4 +1,5 @@
-!> Equations of a scene's inverse dynamics, planned once for many batches: what is asked, what is made for it, and the threads' scratch.
+!> Equations of a scene's inverse dynamics, planned once for many batches: what is asked, what is made for it, and the threads'
+!> scratch.
 !>
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse_solver

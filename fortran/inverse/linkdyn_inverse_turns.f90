@@ -187,9 +187,9 @@ contains
         end if
     end subroutine turn_on_way
 
-    !> The same in so many pieces. Places in between at which the motion is not known are left out. Where pieces do not tell: whether
-    !> the way ends, and how many pieces turn no angle by more than a quarter turn each, by the rates where it has been (0: it is
-    !> too long a way to get to its end in so few pieces).
+    !> The same in so many pieces. Places in between at which the motion is not known are left out. Where pieces do not tell:
+    !> whether the way ends, and how many pieces turn no angle by more than a quarter turn each, by the rates where it has been (0:
+    !> it is too long a way to get to its end in so few pieces).
     subroutine turn_in_pieces(model, solver, angles, from, to, n, turned, is_sure, has_ended, n_told)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver

@@ -149,8 +149,8 @@ contains
         end do
     end subroutine measure_driven
 
-    !> Accelerations found, as they are told: of attitudes as second derivatives of their angles, and of coordinates that others stand in
-    !> for. Column 0 must be as it was.
+    !> Accelerations found, as they are told: of attitudes as second derivatives of their angles, and of coordinates that others
+    !> stand in for. Column 0 must be as it was.
     subroutine tell_accelerations(model, equations, has_stand_ins, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations

@@ -1,5 +1,5 @@
-!> What laws over the state give at the samples of a batch: loads with them, and the pull of springs. For whoever computes forces by a
-!> record, which takes these as inputs, and for whoever wants to see them.
+!> What laws over the state give at the samples of a batch: loads with them, and the pull of springs. For whoever computes forces by
+!> a record, which takes these as inputs, and for whoever wants to see them.
 module linkdyn_load_laws
     use linkdyn_assembly_trail, only: sample_assembly, place_sample
     use linkdyn_interrupt, only: is_interrupted

@@ -26,8 +26,8 @@ contains
     !> Poses of all moving links. A sample that cannot be assembled says so and is what the closure left.
     !>
     !> With a trail the samples follow each other and the assembly is followed by continuity; without one each sample is
-    !> on the branch of the start. The solver keeps what large batches have of programs. When the process is told to stop the rest is
-    !> left alone.
+    !> on the branch of the start. The solver keeps what large batches have of programs. When the process is told to stop the rest
+    !> is left alone.
     subroutine find_poses(model, solver, q, position, rotation, sample_status, trail)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver      !! prepared for no forces

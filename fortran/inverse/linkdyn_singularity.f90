@@ -1,8 +1,8 @@
 !> How far the mechanism may move before its equations become singular or its reach ends.
 !>
 !> With u and v the singular vectors of the smallest singular value, sigma = u^T A v of the scaled equations (see
-!> `linkdyn_condition`), the distance is sigma over its gradient. The gradient needs no elimination: sigma changes with A alone, and A
-!> with the links' rotations and slides, which move along the acceleration columns, the velocities for unit rates of the
+!> `linkdyn_condition`), the distance is sigma over its gradient. The gradient needs no elimination: sigma changes with A alone, and
+!> A with the links' rotations and slides, which move along the acceleration columns, the velocities for unit rates of the
 !> coordinates. So no position beyond a dead point is ever asked for, however near it is.
 !>
 !> That is so where sigma goes to zero as the distance does. Where a coordinate comes to its limit the links move as the root of the

@@ -1,5 +1,6 @@
 !> The cam: a point, the centre of a roller or a straight face of the second link on a curve of the first, across an axis. In space
-!> all is looked at along that axis, on which the follower may stand anywhere; a face that leans against it is the line that is seen.
+!> all is looked at along that axis, on which the follower may stand anywhere; a face that leans against it is the line that is
+!> seen.
 !>
 !> To second order a cam is the circle that fits its curve best where it is touched. So place, normal and curvature there, which
 !> `touch` finds, count as fixed in the cam, and velocities and accelerations are exact all the same.
@@ -33,7 +34,8 @@ module linkdyn_cam
         logical, private :: is_face = .false.
         logical, private :: is_planar = .false.
         real(wp), private :: off = 0               !! of the roller's centre from the curve, outwards [m]
-        real(wp) :: reach = 0                      !! from a roller's centre back to where it touches; in a groove nobody knows on which side [m]
+        real(wp) :: reach = 0                      !! from a roller's centre back to where it touches; in a groove nobody knows on
+                                                   !! which side [m]
         logical :: rolls = .false.
     contains
         procedure :: take

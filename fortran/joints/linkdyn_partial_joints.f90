@@ -1,5 +1,5 @@
-!> What is left of joints that let go of what others hold already: a point in a groove, a point on a plate, a key, nothing. Their variables
-!> are those of the joints that they are left of.
+!> What is left of joints that let go of what others hold already: a point in a groove, a point on a plate, a key, nothing. Their
+!> variables are those of the joints that they are left of.
 module linkdyn_partial_joints
     use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_value, only: value

@@ -38,7 +38,8 @@ module linkdyn_following
     real(wp), parameter :: nearest_try = 0.6_wp     !! of the distance to where a margin would vanish: just less than 1/look_ahead
     real(wp), parameter :: same_margin = 5.0_wp     !! a margin beyond a change point and that before it differ less
     real(wp), parameter :: same_slope = 3.0_wp      !! so do its slopes near a change point and at it, and the links' speeds
-    real(wp), parameter :: farthest = 1.0_wp        !! mechanism's sizes: how far links get in a step that begins at a singular place
+    real(wp), parameter :: farthest = 1.0_wp        !! mechanism's sizes: how far links get in a step that begins at a singular
+                                                    !! place
     real(wp), parameter :: well_told = 10.0_wp      !! margins: from so many least ones on they and their slopes are reliable
     real(wp), parameter :: least_step = 16*epsilon(1.0_wp)    !! of the way
 
@@ -56,8 +57,9 @@ module linkdyn_following
         real(wp), allocatable :: margin(:, :)       !! smallest singular value of each map, signed: +, - assemblies (lane, n_map)
         real(wp), allocatable :: drift(:, :)        !! its rate, per whole way                                      (lane, n_map)
         real(wp), allocatable :: speed(:, :)        !! of the fastest link that the map places, likewise; 0: not told (lane, n_map)
-        real(wp), allocatable :: shift(:, :)        !! of these links, the farthest from where the mechanism stands to here, part of the
-                                                    !! mechanism's size; 0: not told                                  (lane, n_map)
+        real(wp), allocatable :: shift(:, :)        !! of these links, the farthest from where the mechanism stands to here, part of
+                                                    !! the mechanism's size; 0: not told                                  (lane,
+                                                    !! n_map)
     end type footing
 
     !> A mechanism that stands on a straight way on every lane, and may be tried further on.
@@ -236,9 +238,9 @@ contains
             report%map(lane) = minloc(abs(stands%margin(lane, :))/self%least_margin, 1)
         end subroutine go_on
 
-        !> Nothing closes beyond, or not as a crossing would. Towards the end of an assembly links move without bound, and the margin goes
-        !> as the root of the distance, ever more steeply, unless places grow without bound, too, as those of slides along axes that become
-        !> parallel; where one is crossed both keep their slopes.
+        !> Nothing closes beyond, or not as a crossing would. Towards the end of an assembly links move without bound, and the
+        !> margin goes as the root of the distance, ever more steeply, unless places grow without bound, too, as those of slides
+        !> along axes that become parallel; where one is crossed both keep their slopes.
         subroutine give_up_crossing(lane)
             integer, intent(in) :: lane
             logical :: grows
@@ -376,8 +378,8 @@ contains
         do m = 1, size(least_margin)
             before = stands%margin(lane, m)
             now = tried%margin(lane, m)
-            ! Beyond a place to which links go without end, as slides do along axes that become parallel, they come from the other end
-            ! of the world: what closes there is not what the mechanism gets to.
+            ! Beyond a place to which links go without end, as slides do along axes that become parallel, they come from the other
+            ! end of the world: what closes there is not what the mechanism gets to.
             if (abs(before) <= least_margin(m)) is_sound = is_sound .and. tried%shift(lane, m) <= farthest
             if (is_crossing(m)) then
                 is_sound = is_sound .and. merge(side(m), before, side(m) /= 0)*now < 0 &
@@ -402,8 +404,8 @@ contains
         is_sound = .not. doubt(1) > 0
     end function is_step_sound
 
-    !> On lanes, of one map: where it may not be believed doubt grows, which is 0 where nothing speaks against it. A number, and written
-    !> without branches: it takes a vector at a time.
+    !> On lanes, of one map: where it may not be believed doubt grows, which is 0 where nothing speaks against it. A number, and
+    !> written without branches: it takes a vector at a time.
     pure subroutine doubt_unsound(n, least_margin, before, drift_before, now, drift_now, step, doubt)
         integer, intent(in) :: n                            !! lanes
         real(wp), intent(in) :: least_margin

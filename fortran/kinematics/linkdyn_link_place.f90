@@ -61,7 +61,8 @@ contains
     end function spun_place
 
     !> The same of a link whose origin may be anywhere: its thread's axis goes through `point`, which is shifted as if nothing spun.
-    !> An origin beside the axis goes round in a circle; by the shift of its own it would go along the tangent, for many turns metres.
+    !> An origin beside the axis goes round in a circle; by the shift of its own it would go along the tangent, for many turns
+    !> metres.
     pure function led_on_thread(place, by, axis, point) result(moved)
         real(wp), intent(in) :: place(:)             !! (7)
         real(wp), intent(in) :: by(:)                !! shift of the origin, and turn (6)

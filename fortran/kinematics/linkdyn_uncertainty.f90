@@ -49,7 +49,8 @@ contains
     elemental logical function is_surely_certain(margin, n, off)
         real(wp), intent(in) :: margin
         integer, intent(in) :: n                  !! rows
-        real(wp), intent(in) :: off               !! how far the links are from the world's origin, in sizes of the group; one at least
+        real(wp), intent(in) :: off               !! how far the links are from the world's origin, in sizes of the group; one at
+                                                  !! least
 
         is_surely_certain = margin**4 > 2*(4 + 8*sqrt(real(n, wp)))*off*epsilon(1.0_wp)/largest_uncertainty
     end function is_surely_certain

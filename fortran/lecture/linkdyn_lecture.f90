@@ -1,9 +1,9 @@
 !> The lecture's kinematics modules under its names: points with their velocity and acceleration in and out, one call a
 !> link or a pair of links, in the order in which the mechanism is walked.
 !>
-!> They are the lecture's road: closed forms, and for rates a 2x2 map for each pair of links. The engine goes another one, records of
-!> the joints' constraints, and tests compare both. `mode` is the lecture's assembly mode, +1 or -1.
-!> Every argument holds `lanes` samples side by side. The modules for mechanisms in space are in `linkdyn_lecture_spatial`.
+!> They are the lecture's road: closed forms, and for rates a 2x2 map for each pair of links. The engine goes another one, records
+!> of the joints' constraints, and tests compare both. `mode` is the lecture's assembly mode, +1 or -1. Every argument holds `lanes`
+!> samples side by side. The modules for mechanisms in space are in `linkdyn_lecture_spatial`.
 !>
 !> The coefficient forms FD_... need no formulas of their own. Accelerations are affine in the cranks' angular
 !> accelerations, so the part without them (B, D, F) is the plain module's acceleration for the parts without them going

@@ -1,6 +1,7 @@
 !> One step of damped least squares, by the normal equations and their Cholesky factors.
 !>
-!> Constraint rows touch two bodies each, so most of the matrix is zero; with the bodies in the order of a chain, of its factors, too.
+!> Constraint rows touch two bodies each, so most of the matrix is zero; with the bodies in the order of a chain, of its factors,
+!> too.
 !>
 !> **Source**: G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed. (2013), sections 4.2 and 5.3.
 module linkdyn_damped_step

@@ -10,7 +10,8 @@ contains
     !> An orthonormal basis of the null space of A, and how clear its size is.
     pure subroutine find_null_space(a, tolerance, basis)
         real(wp), intent(in) :: a(:, :)                    !! (equations, unknowns)
-        real(wp), intent(in) :: tolerance                  !! equations of which less than this part of the largest is new say nothing
+        real(wp), intent(in) :: tolerance                  !! equations of which less than this part of the largest is new say
+                                                           !! nothing
         real(wp), allocatable, intent(out) :: basis(:, :)  !! (unknowns, dimension of the null space)
         real(wp) :: whole(size(a, 2), size(a, 2))
         real(wp), allocatable :: rows(:, :)

@@ -9,8 +9,8 @@ module linkdyn_singular_lanes
 
 contains
 
-    !> Leave no number in the solutions of singular lanes; others stay. Called where there is one alone: what uses `ieee_arithmetic` keeps
-    !> the processor's state on its way in and out, which takes as long as a hundred operations.
+    !> Leave no number in the solutions of singular lanes; others stay. Called where there is one alone: what uses `ieee_arithmetic`
+    !> keeps the processor's state on its way in and out, which takes as long as a hundred operations.
     pure subroutine void_singular(n, n_rhs, is_singular, x)
         integer, intent(in) :: n, n_rhs
         logical, intent(in) :: is_singular(lanes)

@@ -138,9 +138,9 @@ contains
         rate = qd(:, variable)
     end subroutine measure_in_space
 
-    !> Rate of a variable of a joint, of a ball how fast it turns about an axis of its first marker; at level k for a unit rate of coordinate k; at the level of what is given its
-    !> acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those of points at a distance, and
-    !> where a joint has several axes.) Needs angular rates in world axes.
+    !> Rate of a variable of a joint, of a ball how fast it turns about an axis of its first marker; at level k for a unit rate of
+    !> coordinate k; at the level of what is given its acceleration. (What Coriolis and centripetal terms add is square to the axis,
+    !> but for those of points at a distance, and where a joint has several axes.) Needs angular rates in world axes.
     function joint_rate(model, state, j, variable, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state

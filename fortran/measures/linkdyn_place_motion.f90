@@ -1,8 +1,8 @@
 !> Places that measures tell, in motion: joint variables, coordinates of markers, distances, tilts, twists, attitudes. Where they
 !> are, how fast they change, and how that changes with the coordinates.
 !>
-!> Velocities and columns of accelerations obey the same linear maps; what is given has centripetal and Coriolis parts besides (levels
-!> as in `linkdyn_planar_motion`). Needs positions and velocities, angular rates in world axes.
+!> Velocities and columns of accelerations obey the same linear maps; what is given has centripetal and Coriolis parts besides
+!> (levels as in `linkdyn_planar_motion`). Needs positions and velocities, angular rates in world axes.
 module linkdyn_place_motion
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constants, only: two_pi
@@ -276,8 +276,8 @@ contains
         difference = link_turning(model, state, spec%link(2), level) - link_turning(model, state, spec%link(1), level)
     end function turning_apart
 
-    !> How the markers of a turn stand: roll, pitch and yaw of the first one as the second one sees it. The first two alone tell where the
-    !> first one's z is.
+    !> How the markers of a turn stand: roll, pitch and yaw of the first one as the second one sees it. The first two alone tell
+    !> where the first one's z is.
     function standing_of(model, state, spec) result(angle)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state

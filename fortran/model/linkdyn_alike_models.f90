@@ -1,9 +1,9 @@
 !> Which models differ in their numbers alone: kernels that take these for inputs serve all of them.
 !>
-!> What `linkdyn_numbers` lists may vary. Whatever else equations of motion are traced from is in the key: what the mechanism is made
-!> of, and numbers that kernels hold as constants (of surfaces that rub, payloads, markers that measures look at, curves of cams), bit by bit:
-!> designs that vary one of those are not alike. Reactions that are shared among joints, and springs that may lose their direction, are alike to
-!> none: of these somebody asks by kernels that are the model's own.
+!> What `linkdyn_numbers` lists may vary. Whatever else equations of motion are traced from is in the key: what the mechanism is
+!> made of, and numbers that kernels hold as constants (of surfaces that rub, payloads, markers that measures look at, curves of
+!> cams), bit by bit: designs that vary one of those are not alike. Reactions that are shared among joints, and springs that may
+!> lose their direction, are alike to none: of these somebody asks by kernels that are the model's own.
 module linkdyn_alike_models
     use linkdyn_base_motion, only: base_is_felt
     use linkdyn_joint_table, only: joint_cam

@@ -27,12 +27,13 @@ module linkdyn_constraint_rows
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
     real(wp), parameter :: far_off = 2.5_wp
     integer, parameter :: most_steps = 200
-    !> The loop may move: without damping the last steps would be undetermined. It slows them by this part of a squared singular value.
+    !> The loop may move: without damping the last steps would be undetermined. It slows them by this part of a squared singular
+    !> value.
     real(wp), parameter :: least_damping = 1.0e-10_wp
     real(wp), parameter :: is_closed = 1.0e-11_wp       !! [rad, scene sizes]
 
-    !> A row is redundant if less of it than this is new. Exact numbers leave errors of 1e-11 in a closed loop; independent rows of a
-    !> mechanism that can be built and is a tenth of a radian off its special positions are not that near to dependent.
+    !> A row is redundant if less of it than this is new. Exact numbers leave errors of 1e-11 in a closed loop; independent rows of
+    !> a mechanism that can be built and is a tenth of a radian off its special positions are not that near to dependent.
     real(wp), parameter :: hardly_new = 1.0e-6_wp
 
     integer, parameter :: most_held = 6                 !! directions, by a joint
@@ -311,8 +312,8 @@ contains
 
     !> Steps of least squares, damped by the square of what is open. Gears hold no marker and are left out: wheels may stand anyhow.
     !>
-    !> A mechanism that moves by its proportions alone does so with exact numbers. With rounded ones, as drawings have them, some of the
-    !> loop stays open off the start, and steps do not make it smaller: it is closed as far as its joints may gape.
+    !> A mechanism that moves by its proportions alone does so with exact numbers. With rounded ones, as drawings have them, some of
+    !> the loop stays open off the start, and steps do not make it smaller: it is closed as far as its joints may gape.
     subroutine close_loop(model, loop, is_done, most)
         type(model_type), intent(in) :: model
         type(loop_type), intent(inout) :: loop

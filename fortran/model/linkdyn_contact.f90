@@ -1,19 +1,22 @@
 !> Where joints rub: surfaces that the reaction presses together, and their law of friction.
 !>
-!> A contact has an axis a of its joint, and of the reaction, force F and moment M on the second link about its marker, it feels what
-!> its form says: at both ends of a pin or guide of length L the forces (F - (F.a) a)/2 +- M x a/L, at a collar or thread the force
-!> along the axis, at a ball F. The sum N of their sizes is what presses. With the relative velocity v along and the relative angular
-!> velocity w about what is free, the surface at radius r slides with the speed V = sqrt(v^2 + r^2 w^2), and friction acts on the second link with
+!> A contact has an axis a of its joint, and of the reaction, force F and moment M on the second link about its marker, it feels
+!> what its form says: at both ends of a pin or guide of length L the forces (F - (F.a) a)/2 +- M x a/L, at a collar or thread the
+!> force along the axis, at a ball F. The sum N of their sizes is what presses. With the relative velocity v along and the relative
+!> angular velocity w about what is free, the surface at radius r slides with the speed V = sqrt(v^2 + r^2 w^2), and friction acts
+!> on the second link with
 !>
 !>     force  -c N v,    moment  -c N r^2 w,    c = mu(V) tanh(V/creep)/V
 !>
 !> which takes the power c N V^2. A cam's roller turns about a pin of the radius r, that slides at r/R of the speed with which the
-!> roller passes the cam: its friction is felt where both touch, as r/R of the force there. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
+!> roller passes the cam: its friction is felt where both touch, as r/R of the force there. At rest it is zero, and it is that of
+!> Coulomb and Stribeck, but for rounding, from V = 19 creep on.
 !>
-!> Teeth slide as their wheels turn against each other, w: friction is a couple between these, and what presses is in proportion to the
-!> force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`). A worm's thread slides on
-!> the teeth of its wheel where their pitch surfaces touch, and what rubs there is a force. A belt or chain takes the same couple from both of
-!> its wheels as they turn in their carrier: if it is open a force half way between them, across, where they pass each other.
+!> Teeth slide as their wheels turn against each other, w: friction is a couple between these, and what presses is in proportion to
+!> the force along the pitch circles, by a number for each direction in which power flows (`linkdyn_mesh_losses`). A worm's thread
+!> slides on the teeth of its wheel where their pitch surfaces touch, and what rubs there is a force. A belt or chain takes the same
+!> couple from both of its wheels as they turn in their carrier: if it is open a force half way between them, across, where they
+!> pass each other.
 module linkdyn_contact
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
@@ -34,7 +37,8 @@ module linkdyn_contact
     integer, parameter :: form_bush = 5      !! turns and slides
     integer, parameter :: form_thread = 6
     integer, parameter :: form_plate = 7     !! on which a planar joint slides and turns
-    integer, parameter :: form_drive = 8     !! a gear or screw between motor and joint, on lanes only (`linkdyn_transmission_losses`)
+    integer, parameter :: form_drive = 8     !! a gear or screw between motor and joint, on lanes only
+                                             !! (`linkdyn_transmission_losses`)
 
     integer, parameter :: form_cam = 9       !! where a cam is touched; of a roller the pin about which it turns
     integer, parameter :: form_mesh = 10     !! teeth of two wheels, or of a wheel and a rack
@@ -60,8 +64,8 @@ module linkdyn_contact
         real(wp) :: length = 0                !! between the ends [m]; 0: it has one
         real(wp) :: preload = 0               !! [N]
         real(wp) :: pitch = 0                 !! of a thread [m/rad]
-        real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis; of teeth over that along the
-                                              !! pitch circles, while the first wheel drives
+        real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis; of teeth over that along
+                                              !! the pitch circles, while the first wheel drives
         real(wp) :: back = 1                  !! the same while the second does
         real(wp) :: pass = 1                  !! of a cam: speed of what rubs over that with which the follower passes it; of a belt
                                               !! that of the belt over that with which its wheels pass each other half way
@@ -195,9 +199,9 @@ contains
             mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
     end function sliding_coefficient
 
-    !> Speed of the surface over that of a joint variable along which it slides: `part` 1 is the first of them. Of hinges, guides and
-    !> threads there is one; of a joint without variables that is how its surfaces pass each other. The sum of squares over all of
-    !> them is the square of the speed of the surface.
+    !> Speed of the surface over that of a joint variable along which it slides: `part` 1 is the first of them. Of hinges, guides
+    !> and threads there is one; of a joint without variables that is how its surfaces pass each other. The sum of squares over all
+    !> of them is the square of the speed of the surface.
     pure elemental real(wp) function lever_of(contact, part) result(lever)
         type(contact_type), intent(in) :: contact
         integer, intent(in) :: part
@@ -215,8 +219,8 @@ contains
         end select
     end function lever_of
 
-    !> Below this a surface has the way in which it began to slide, or slid before it came to rest [m/s]. Where that may turn it does so
-    !> within V/(mu W N), with the response W to forces: the slower, the stiffer.
+    !> Below this a surface has the way in which it began to slide, or slid before it came to rest [m/s]. Where that may turn it
+    !> does so within V/(mu W N), with the response W to forces: the slower, the stiffer.
     pure elemental real(wp) function no_speed(contact)
         type(contact_type), intent(in) :: contact
         real(wp), parameter :: none = 1.0e-9_wp, of_several = 1.0e-3_wp    !! of the creep speed

@@ -1,8 +1,8 @@
 !> Recognise a planar dyad: two halves, each held to a known link, and to each other.
 !>
 !> A half is a link, or two that a slide holds together whose variable is given: a cylinder that is told its stroke is as rigid as
-!> a rod. So a boom with its cylinder closes as two rods do. A half of which coordinates give a point, the tip of a robot, is held to
-!> the link that they are seen from as by a hinge.
+!> a rod. So a boom with its cylinder closes as two rods do. A half of which coordinates give a point, the tip of a robot, is held
+!> to the link that they are seen from as by a hinge.
 module linkdyn_dyad_plan
     use linkdyn_joint_table, only: is_partial, pose_position
     use linkdyn_model, only: model_type, step_type, leads_within

@@ -56,7 +56,8 @@ contains
         real(wp), intent(in) :: measure(:, :)      !! (n, measure)
         real(wp), intent(in) :: law(:, :)          !! (n, law), those that the formula takes are there
         real(wp), intent(out) :: value(:)          !! (n)
-        real(wp), intent(inout) :: mode(:)         !! (n) another number on the other side of a jump: each goes on from the last one's
+        real(wp), intent(inout) :: mode(:)         !! (n) another number on the other side of a jump: each goes on from the last
+                                                   !! one's
         real(wp) :: v(size(value), formula%n), nan
         integer :: i
 

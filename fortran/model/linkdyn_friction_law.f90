@@ -19,8 +19,8 @@ contains
         c = one(1)
     end function friction_of_speed
 
-    !> The same of a contact that may stick and is known to slide one way: it rubs as a surface does that slides, however slowly; one that
-    !> holds does not rub.
+    !> The same of a contact that may stick and is known to slide one way: it rubs as a surface does that slides, however slowly;
+    !> one that holds does not rub.
     pure elemental real(wp) function friction_one_way(contact, sense, speed) result(c)
         type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: sense         !! largest part of its direction, above zero; beyond 1: it holds

@@ -1,8 +1,8 @@
 !> How far wheels are off where a gear wants them, from where the links are.
 !>
-!> A gear that was let go, as the joints of a loop tie its wheels already (a belt beside a parallelogram), must still fit: the sum of
-!> joint variables that it keeps has to be the same everywhere. Angles of poses are known but for whole turns, so the sum is known but
-!> for whole multiples of what these add to it.
+!> A gear that was let go, as the joints of a loop tie its wheels already (a belt beside a parallelogram), must still fit: the sum
+!> of joint variables that it keeps has to be the same everywhere. Angles of poses are known but for whole turns, so the sum is
+!> known but for whole multiples of what these add to it.
 module linkdyn_gear_gap
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic

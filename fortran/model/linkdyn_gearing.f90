@@ -6,9 +6,9 @@
 !>     c1 S1 + c2 S2 = c2 phase          S: variable of a wheel against the carrier, the sum of the joints' on the way
 !>
 !> The force between the wheels has directions and moments that are fixed in the carrier; c1 and c2 are its power for unit rates, so
-!> it never does work. A *rack* is a wheel whose variable is a slide; a *worm* a wheel whose teeth go round it. All this is found from joints and markers alone, at no
-!> particular pose. Where the sums determine joint variables from coordinates, these are given like coordinates (`led_type`), and
-!> trains, planetary ones too, stay open chains.
+!> it never does work. A *rack* is a wheel whose variable is a slide; a *worm* a wheel whose teeth go round it. All this is found
+!> from joints and markers alone, at no particular pose. Where the sums determine joint variables from coordinates, these are given
+!> like coordinates (`led_type`), and trains, planetary ones too, stay open chains.
 module linkdyn_gearing
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_rack, joint_belt, is_geared, &
@@ -279,7 +279,8 @@ contains
         end function motion_of
     end subroutine plan_gear
 
-    !> Curvatures of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one against the other.
+    !> Curvatures of wheels whose pitch circles go round with unit speed: the part that each has in the angular velocity of the one
+    !> against the other.
     pure function curvatures(spin) result(c)
         real(wp), intent(in) :: spin(3, 2)         !! their angular velocities [1/m]
         real(wp) :: c(2)
@@ -449,8 +450,8 @@ contains
 
     contains
 
-        !> A worm: the force on its wheel is square to the worm's thread, and of size 1 along the wheel's pitch circle. Radii follow from
-        !> the distance of the axes and from how steep the thread is.
+        !> A worm: the force on its wheel is square to the worm's thread, and of size 1 along the wheel's pitch circle. Radii follow
+        !> from the distance of the axes and from how steep the thread is.
         subroutine lay_worm()
             real(wp) :: towards(3)
 
@@ -547,8 +548,8 @@ contains
 
     contains
 
-        !> From the pitch point, the way that the second wheel is driven: into the smaller wheel, whose teeth point away from its axis,
-        !> or off it. Those of the larger one may point inwards: a ring, or a bevel wheel with a cone beyond a right angle.
+        !> From the pitch point, the way that the second wheel is driven: into the smaller wheel, whose teeth point away from its
+        !> axis, or off it. Those of the larger one may point inwards: a ring, or a bevel wheel with a cone beyond a right angle.
         pure function off_the_smaller() result(way)
             real(wp) :: way(3)
 
@@ -572,8 +573,8 @@ contains
         end function tip_of_cones
     end subroutine lean_teeth
 
-    !> Joints on the way from the carrier to a wheel: by sign, what a force on the first (1) or second wheel (-1) adds to what they do
-    !> to their second link, if it is counted on the second wheel.
+    !> Joints on the way from the carrier to a wheel: by sign, what a force on the first (1) or second wheel (-1) adds to what they
+    !> do to their second link, if it is counted on the second wheel.
     function held_by(model, ways, carrier, side) result(joint)
         type(model_type), intent(in) :: model
         type(axis_ways), intent(in) :: ways
@@ -752,8 +753,8 @@ contains
         end subroutine refuse_excess
     end subroutine lead_by_gears
 
-    !> Sums in which variables are left that neither coordinates nor gears give: as the gears have them, not mixed with each other, so
-    !> that whole ratios stay whole.
+    !> Sums in which variables are left that neither coordinates nor gears give: as the gears have them, not mixed with each other,
+    !> so that whole ratios stay whole.
     subroutine keep_loose(model, given)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: given(:)            !! coordinate that a variable is; 0: none (n_variable)

@@ -20,7 +20,8 @@ module linkdyn_heard_tables
     !> Who hears what, beside payloads, the frame, loads and springs, which have a say always. As it stands: inverse dynamics.
     type :: hearing
         logical :: motions = .true.                    !! of all coordinates; false: of driven ones
-        logical :: starts = .false.                    !! where the motion of a coordinate begins, if nothing else is said of its start
+        logical :: starts = .false.                    !! where the motion of a coordinate begins, if nothing else is said of its
+                                                       !! start
         logical :: drives = .false.                    !! laws of actuators
         logical :: controls = .false.                  !! controllers, clutches and events
     end type hearing

@@ -1,9 +1,9 @@
 !> Idle spins: links that may turn about the line through their joints while nothing else of the mechanism moves.
 !>
 !> A rod between two ball joints, both halves of a leg between balls, a piston rod in a cylindrical joint whose ball lies on its
-!> axis, a shoe with a ball that slides on a plane, any of these in parts that are welded together. If the links that spin together are bodies of revolution about that line, and
-!> nothing acts on them off it, no moment is ever about it: what does not spin at the start never does, and neither forces nor the
-!> motion of anything else depend on it.
+!> axis, a shoe with a ball that slides on a plane, any of these in parts that are welded together. If the links that spin together
+!> are bodies of revolution about that line, and nothing acts on them off it, no moment is ever about it: what does not spin at the
+!> start never does, and neither forces nor the motion of anything else depend on it.
 !>
 !> *How it is settled.* One ball of each spin also keeps a direction across the line, in the spinning link, square to a
 !> direction of the link beyond: it closes as a universal joint does. Where two links spin on either side of the same ball, a piston
@@ -47,8 +47,8 @@ module linkdyn_idle_spin
         real(wp) :: axis(3) = 0
     end type body_joint
 
-    !> How far from exact what is written in a scene may be, as a part of the link's size, of its largest moment of inertia: coordinates
-    !> of points worked out from angles have a dozen digits or so.
+    !> How far from exact what is written in a scene may be, as a part of the link's size, of its largest moment of inertia:
+    !> coordinates of points worked out from angles have a dozen digits or so.
     real(wp), parameter :: exact = 1.0e-9_wp
 
     interface
@@ -207,7 +207,8 @@ contains
         end do
     end subroutine collect_links
 
-    !> The joints of a kind at some links but those that the scene leads: a coordinate of theirs has its place among their variables.
+    !> The joints of a kind at some links but those that the scene leads: a coordinate of theirs has its place among their
+    !> variables.
     pure function joints_of(model, link, kind) result(joint)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), kind

@@ -56,8 +56,8 @@ contains
         end associate
     end function is_outside
 
-    !> Instants in between two at which tables over time have rows: kinks of theirs, but for splines. Of those that begin anew the rows
-    !> of all their periods, if these can be counted.
+    !> Instants in between two at which tables over time have rows: kinks of theirs, but for splines. Of those that begin anew the
+    !> rows of all their periods, if these can be counted.
     pure function rows_over_time(book, first, last) result(row)
         type(law_book), intent(in) :: book
         real(wp), intent(in) :: first, last        !! [s]

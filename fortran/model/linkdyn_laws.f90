@@ -24,7 +24,8 @@ module linkdyn_laws
                                                !! duration, too
     end type law_shape
 
-    !> Instants for one law after the other: those that do the same in the same time share the search among these, and what costs most.
+    !> Instants for one law after the other: those that do the same in the same time share the search among these, and what costs
+    !> most.
     type :: law_instants
         private
         integer :: n = 0

@@ -1,12 +1,14 @@
-!> What teeth lose: how far from the pitch point they touch in the mean, and what presses them, by an efficiency or by their geometry.
+!> What teeth lose: how far from the pitch point they touch in the mean, and what presses them, by an efficiency or by their
+!> geometry.
 !>
-!> The force of teeth is the same on both wheels. Friction moves its line off the pitch point: that force F goes on along the pitch circles,
-!> and a couple m stands between the wheels, against their angular velocity w to each other, and takes m w. With the curvatures c1, c2 of the
-!> pitch circles (of bevel wheels those of their back cones; below zero of a ring, zero of a rack) and their speed v, w = (c1 + c2) v. So the
-!> first wheel takes F v + m c1 v and the second gives F v - m c2 v, which makes m of an efficiency, for each direction of power.
+!> The force of teeth is the same on both wheels. Friction moves its line off the pitch point: that force F goes on along the pitch
+!> circles, and a couple m stands between the wheels, against their angular velocity w to each other, and takes m w. With the
+!> curvatures c1, c2 of the pitch circles (of bevel wheels those of their back cones; below zero of a ring, zero of a rack) and
+!> their speed v, w = (c1 + c2) v. So the first wheel takes F v + m c1 v and the second gives F v - m c2 v, which makes m of an
+!> efficiency, for each direction of power.
 !>
-!> A worm's thread slides along itself. What presses its flank is N = F/(cos(lead angle) cos(pressure angle)), and with the angle of friction
-!> rho, tan rho = mu/cos(pressure angle), it has the efficiency tan(lead angle)/tan(lead angle + rho); driven by its wheel
+!> A worm's thread slides along itself. What presses its flank is N = F/(cos(lead angle) cos(pressure angle)), and with the angle of
+!> friction rho, tan rho = mu/cos(pressure angle), it has the efficiency tan(lead angle)/tan(lead angle + rho); driven by its wheel
 !> tan(lead angle - rho)/tan(lead angle).
 !>
 !> A belt or chain brakes both of its wheels with the same couple m: the first takes F v + m c1 v and the second gives F v - m c2 v.
@@ -161,8 +163,8 @@ contains
         end associate
     end subroutine shape_by_efficiency
 
-    !> Involute teeth as high as their module: where they slide they are off the pitch point by x of the base pitch along the line of
-    !> action, from -reach(1) to reach(2). The force goes through one pair there, or is shared by several in equal parts.
+    !> Involute teeth as high as their module: where they slide they are off the pitch point by x of the base pitch along the line
+    !> of action, from -reach(1) to reach(2). The force goes through one pair there, or is shared by several in equal parts.
     subroutine shape_by_teeth(gear, spec, contact, status)
         type(gear_type), intent(in) :: gear
         type(joint_spec), intent(in) :: spec           !! a gear with teeth

@@ -53,7 +53,8 @@ module linkdyn_model
     integer, parameter :: step_ppr = 8
     integer, parameter :: step_group = 9     !! any other Assur group, closed by Newton's method
     integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
-    integer, parameter :: step_parts = 11    !! a link whose pose, or that of a marker of it, is given seen from a known link, or bit by bit
+    integer, parameter :: step_parts = 11    !! a link whose pose, or that of a marker of it, is given seen from a known link, or
+                                             !! bit by bit
     integer, parameter :: step_rus = 12      !! as CSP a crank and the rod behind it, see `linkdyn_rod_leg`
     integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
     integer, parameter :: step_rod = 14      !! a rod between known links, see `linkdyn_rod_leg`
@@ -97,7 +98,8 @@ module linkdyn_model
     type :: motor_type
         integer :: actuator = 0
         integer :: joint = 0, variable = 0
-        real(wp) :: inertia = 0               !! of its rotor at the joint variable: ratio squared times that of the rotor [kg, kg m2]
+        real(wp) :: inertia = 0               !! of its rotor at the joint variable: ratio squared times that of the rotor [kg, kg
+                                              !! m2]
     end type motor_type
 
     !> Constants of a joint.
@@ -131,8 +133,9 @@ module linkdyn_model
         real(wp) :: spin(3, 2) = 0            !! angular velocities of the wheels, none of a rack, while the pitch circles go round
                                               !! with unit speed, as a force above zero drives the second; carrier axes [1/m]
         real(wp), allocatable :: pace(:, :)   !! what the joint variables' rates make of that speed, at each wheel (n_variable, 2)
-        real(wp) :: curvature(2) = 0          !! of teeth: what each wheel adds to how fast both turn against each other, over the speed
-                                              !! of the pitch circles; below zero of a ring, zero of a rack; of a belt 1/radius [1/m]
+        real(wp) :: curvature(2) = 0          !! of teeth: what each wheel adds to how fast both turn against each other, over the
+                                              !! speed of the pitch circles; below zero of a ring, zero of a rack; of a belt
+                                              !! 1/radius [1/m]
         real(wp) :: distance = 0              !! between the axes of a belt's wheels [m]
         real(wp) :: push(3) = 0               !! drives the second link off, for a unit of the force's size; carrier axes
         integer, allocatable :: carries(:)    !! joints that hold both wheels against it: j takes it, -j its opposite
@@ -186,9 +189,11 @@ module linkdyn_model
         integer :: joint(9) = 0               !! joints that it uses: of a dyad outer, inner, outer, then those slides inside it
                                               !! whose variables are given; links beyond the second are at their far ends; of a
                                               !! rod that holds a platform see `linkdyn_parallel_rods`
-        integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components; of a dyad those of the slides
-                                              !! inside it, then x and y of the points of either half that are given in place of outer joints
-        integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, other closed forms, groups)
+        integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components; of a dyad those of the
+                                              !! slides inside it, then x and y of the points of either half that are given in place
+                                              !! of outer joints
+        integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, other closed
+                                              !! forms, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
         logical :: has_branches = .false.     !! there are two ways to close at one place: see the model's `branch`
@@ -196,7 +201,8 @@ module linkdyn_model
                                               !! `linkdyn_margins`
         integer :: branch = 0                 !! of a leg: +1, its slide's axis points from its first end to its last, or -1; 0:
                                               !! written as a chain writes it, it has +1 and a turn of +1
-        integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1; of a rod, too
+        integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1; of a
+                                              !! rod, too
         integer :: far_turn = 0               !! the same at the last end, if there is a universal joint, too
         integer :: number = 0                 !! in the plan
         real(wp) :: stance(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])    !! of a link that only shifts: its axes in those
@@ -286,7 +292,8 @@ module linkdyn_model
         integer :: n_leg = 0
         integer :: n_dyad = 0
         integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space CSP groups and legs with rods
-        logical :: closed_forms = .true.      !! are used where there are some; false: everything by Newton's method, to compare with
+        logical :: closed_forms = .true.      !! are used where there are some; false: everything by Newton's method, to compare
+                                              !! with
         real(wp), allocatable :: least_margin(:)    !! of each map: below it is not told from zero (n_branch + groups)
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
@@ -413,8 +420,8 @@ contains
         is_dyad = kind >= step_rrr .and. kind <= step_ppr
     end function is_dyad
 
-    !> A dyad that coordinates lead: in which slides, whose variables are given, hold links together two by two, or a point of which is
-    !> given.
+    !> A dyad that coordinates lead: in which slides, whose variables are given, hold links together two by two, or a point of which
+    !> is given.
     pure logical function is_led_dyad(step)
         type(step_type), intent(in) :: step
 
@@ -666,8 +673,8 @@ contains
         group_size = size_of(model%joint(group%joint))
     end function group_size
 
-    !> How far a joint of a link is from the middle of the link's other joints, how broad the frame is between its joints, or what their
-    !> curves reach, the largest [m]. Of a bar it is the length. Where links and the frame have their origins says nothing.
+    !> How far a joint of a link is from the middle of the link's other joints, how broad the frame is between its joints, or what
+    !> their curves reach, the largest [m]. Of a bar it is the length. Where links and the frame have their origins says nothing.
     pure real(wp) function size_of(joint)
         type(joint_type), intent(in) :: joint(:)
         real(wp), parameter :: rounding = 64*epsilon(1.0_wp)
@@ -760,7 +767,8 @@ contains
         if (link > 0) orientation_of = model%link(link)%orientation
     end function orientation_of
 
-    !> Power of the size with which a spring's own law goes in a similar mechanism: 1, it grows with the size as forces do, or 2, as moments do.
+    !> Power of the size with which a spring's own law goes in a similar mechanism: 1, it grows with the size as forces do, or 2, as
+    !> moments do.
     pure integer function pull_power(model, spring)
         type(model_type), intent(in) :: model
         type(spring_spec), intent(in) :: spring
@@ -772,8 +780,8 @@ contains
         pull_power = merge(2, 1, turns)
     end function pull_power
 
-    !> Power of the size with which the law of an actuator goes in a similar mechanism. A voltage is to its torque constant as its speed is to one;
-    !> valves open alike: 0.
+    !> Power of the size with which the law of an actuator goes in a similar mechanism. A voltage is to its torque constant as its
+    !> speed is to one; valves open alike: 0.
     pure integer function effort_power(model, i)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i                 !! actuator

@@ -68,8 +68,8 @@ contains
         logical, intent(in), optional :: closed_forms    !! see `model_type`; absent: as the model was planned before
         real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): legs and
                                                          !! rods are closed as they stand there
-        logical, intent(in), optional :: briefly         !! nobody will read why joints over-constrain their links: to find the words
-                                                         !! takes longer than to plan; absent: false
+        logical, intent(in), optional :: briefly         !! nobody will read why joints over-constrain their links: to find the
+                                                         !! words takes longer than to plan; absent: false
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -602,8 +602,8 @@ contains
         model%link(rod_of(step))%orientation = model%n_orientation
     end subroutine add_rod
 
-    !> A platform that parallel rods keep from turning, led by where it is: itself, its legs of lead and one rod each, then the other
-    !> rods, of which the last tells how surely all of them hold it.
+    !> A platform that parallel rods keep from turning, led by where it is: itself, its legs of lead and one rod each, then the
+    !> other rods, of which the last tells how surely all of them hold it.
     subroutine close_shift(model, member, plan)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: member(:)

@@ -22,8 +22,8 @@ module linkdyn_redundancy
         integer :: count = 0                            !! redundant directions
         character(len=:), allocatable :: directions     !! "of joint 'D' the force along its axis and ..."
         character(len=:), allocatable :: remedy         !! "make joint 'D' spherical"; empty: no other kind helps
-        character(len=:), allocatable :: gap            !! of one that hardly misses: "joint 'D' stays open by 2e-5 m"; empty: it closes,
-                                                        !! or is far from that
+        character(len=:), allocatable :: gap            !! of one that hardly misses: "joint 'D' stays open by 2e-5 m"; empty: it
+                                                        !! closes, or is far from that
     end type redundancy_type
 
 contains

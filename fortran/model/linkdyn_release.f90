@@ -67,7 +67,8 @@ module linkdyn_release
 
     !> The mechanism in one pose.
     type :: stressed_pose
-        integer :: n_stride = 0                         !! from the first pose, on the way from there; 0: it is elsewhere, or the first
+        integer :: n_stride = 0                         !! from the first pose, on the way from there; 0: it is elsewhere, or the
+                                                        !! first
         real(wp) :: way = 0                             !! from there, of these strides; less than 0 to the other side
         type(loop_type) :: loop
         type(rows_type) :: rows
@@ -191,10 +192,10 @@ contains
                   //"'minimum-norm')")
     end subroutine check_stiffness
 
-    !> Self-stresses in poses off the start; none if the first of these cannot be closed. Some follow on the way from there, to either
-    !> side: a direction along which the self-stress changes its sign would leave the mechanism singular on the way. The others are all
-    !> over the place: those that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not
-    !> close; cams neither act nor close, so what they hold besides is not redundant.
+    !> Self-stresses in poses off the start; none if the first of these cannot be closed. Some follow on the way from there, to
+    !> either side: a direction along which the self-stress changes its sign would leave the mechanism singular on the way. The
+    !> others are all over the place: those that close as the joints can be built, and have as much self-stress, count. Gears act in
+    !> them and do not close; cams neither act nor close, so what they hold besides is not redundant.
     subroutine look_at_poses(model, pose)
         type(model_type), intent(in) :: model
         type(stressed_pose), allocatable, intent(out) :: pose(:)
@@ -519,8 +520,8 @@ contains
             end do
         end subroutine add_forks
 
-        !> A pin goes into a slot of the first link; in space it may shift along itself and tilt there, too. Of a slide a point stays in
-        !> a plane.
+        !> A pin goes into a slot of the first link; in space it may shift along itself and tilt there, too. Of a slide a point
+        !> stays in a plane.
         subroutine add_lines()
             real(wp) :: along(3)
             integer :: k
@@ -722,7 +723,8 @@ contains
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: sure(:)                  !! moves that are taken in any case
-        integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind; 0: any
+        integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind; 0:
+                                                        !! any
         logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: taken(:)
         real(wp), intent(out) :: score                  !! of the worst of them

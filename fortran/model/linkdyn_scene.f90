@@ -69,7 +69,8 @@ module linkdyn_scene
     integer, parameter :: law_polynomial_345 = 5   !! rest to rest through knots, 3-4-5 polynomial between them
     integer, parameter :: law_harmonic = 6         !! value(1) + value(2) sin(value(3) t + value(4))
     integer, parameter :: law_table = 7            !! knots (time, value), spline or straight lines between them
-    integer, parameter :: law_over = 8             !! over the state of the mechanism: `law` of the scene's law book; zero as a law of time
+    integer, parameter :: law_over = 8             !! over the state of the mechanism: `law` of the scene's law book; zero as a law
+                                                   !! of time
 
     ! ---- what laws over the state depend on
     integer, parameter :: measure_time = 1         !! the instant
@@ -83,8 +84,8 @@ module linkdyn_scene
     integer, parameter :: measure_twist = 9        !! of one marker against another about their axes, once the tilt is taken back
     integer, parameter :: measure_turn = 10        !! how one marker is turned against another, as a hold wants it: its rate is that
                                                    !! about an axis of the first one
-    !> 1 + the cosine of the angle between the axes of a twist, and the cosine of a ball's pitch: below, they are opposite, and at the
-    !> pole, and what is told has less than three digits
+    !> 1 + the cosine of the angle between the axes of a twist, and the cosine of a ball's pitch: below, they are opposite, and at
+    !> the pole, and what is told has less than three digits
     real(wp), parameter :: least_openness = 1000*epsilon(1.0_wp)
 
     ! ---- axes in which a load's components are given
@@ -193,15 +194,18 @@ module linkdyn_scene
         logical :: has_start = .false.
         real(wp) :: lead = 0                      !! of a screw: how far it goes in a turn [m]; negative: left-handed
         real(wp) :: wheel(2) = 0                  !! of a gear the teeth of both wheels; of a belt their radii [m]
-        real(wp) :: flank(2) = 0                  !! of teeth: pressure angle, and helix angle of the first wheel, above zero right-handed [rad]
+        real(wp) :: flank(2) = 0                  !! of teeth: pressure angle, and helix angle of the first wheel, above zero
+                                                  !! right-handed [rad]
         real(wp) :: lead_angle = 0                !! of a worm, the first wheel, above zero right-handed [rad]; 0: it is none
         logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
-        real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
+        real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m,
+                                                  !! rad]
         logical :: has_phase = .false.            !! it was written
-        real(wp) :: strand(3) = 0                 !! of a belt that stretches: stiffness, damping and pretension of one strand [N/m, N s/m, N]
+        real(wp) :: strand(3) = 0                 !! of a belt that stretches: stiffness, damping and pretension of one strand [N/m,
+                                                  !! N s/m, N]
         real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
-        real(wp) :: misfit(6) = 0                 !! how far and how much turned it holds its second marker off, free of load; axes of
-                                                  !! the first link [m, rad]
+        real(wp) :: misfit(6) = 0                 !! how far and how much turned it holds its second marker off, free of load; axes
+                                                  !! of the first link [m, rad]
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         type(cam_spec) :: cam                     !! of a cam
         integer :: line = 0
@@ -217,13 +221,14 @@ module linkdyn_scene
         real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
         real(wp), allocatable :: knot(:)          !! value at the knots (n)
         real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines
-        integer :: angle = 0                      !! roll, pitch or yaw, 1 2 3, of the attitude that quaternions tell; 0: it has none.
-                                                  !! Of one the knots are this angle, with its turns
+        integer :: angle = 0                      !! roll, pitch or yaw, 1 2 3, of the attitude that quaternions tell; 0: it has
+                                                  !! none. Of one the knots are this angle, with its turns
         real(wp), allocatable :: quaternion(:, :) !! w x y z at the knots, of unit length, each near the one before (n, 4)
         real(wp), allocatable :: bend(:, :)       !! second derivatives of the four splines through them (n, 4)
     end type law_spec
 
-    !> A number that the mechanism has in a state of motion. Nothing that takes accelerations: forces would then depend on themselves.
+    !> A number that the mechanism has in a state of motion. Nothing that takes accelerations: forces would then depend on
+    !> themselves.
     type :: measure_spec
         character(len=name_len) :: name = ""
         integer :: kind = 0                       !! one of `measure_*`
@@ -272,7 +277,8 @@ module linkdyn_scene
         real(wp) :: start_position = 0            !! at t = 0, for forward dynamics and for choosing the branch
         real(wp) :: start_velocity = 0
         logical :: has_start = .false.
-        logical :: is_driven = .false.            !! forward dynamics too follows its motion law; the drives `inverse` supply the force
+        logical :: is_driven = .false.            !! forward dynamics too follows its motion law; the drives `inverse` supply the
+                                                  !! force
         type(law_spec) :: motion
         integer :: line = 0
     end type coordinate_spec
@@ -442,8 +448,8 @@ module linkdyn_scene
         integer :: line = 0
     end type event_spec
 
-    !> One side of an end stop: a place, which a measure tells, does not go past it. A soft one is a spring besides, whose law has the
-    !> force.
+    !> One side of an end stop: a place, which a measure tells, does not go past it. A soft one is a spring besides, whose law has
+    !> the force.
     type :: stop_spec
         character(len=2*name_len) :: name = ""    !! "buffer.max"
         character(len=2*name_len) :: what = ""    !! it stops, in messages: "joint 'guide'", "measure 'height'"
@@ -457,8 +463,8 @@ module linkdyn_scene
     end type stop_spec
 
     !> A clutch, brake or lock: it holds a joint variable, or two to each other, by what force it takes up to its capacity, and rubs
-    !> against their slip beyond. The slip is the rate of the first variable less `ratio` times that of the second. What holds several
-    !> variables of a joint, or markers of two links to each other, is one for each, with an event that they share.
+    !> against their slip beyond. The slip is the rate of the first variable less `ratio` times that of the second. What holds
+    !> several variables of a joint, or markers of two links to each other, is one for each, with an event that they share.
     type, extends(switch_spec) :: clutch_spec
         character(len=name_len) :: name = ""
         integer :: n_side = 1                     !! joint variables: 1 or 2
@@ -471,10 +477,11 @@ module linkdyn_scene
         character(len=4) :: unit = ""             !! "N" or "N m"
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
         integer :: measure(2) = 0                 !! of what is held: joint variables, or how two markers stand to each other
-        integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
+        integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of
+                                                  !! its own
         logical :: is_bare = .false.              !! the joint has no variables, as gears, belts and cams: what slips are surfaces
-        integer :: lead = 0                       !! of all whose joint variables rest and break loose together the first; itself: it
-                                                  !! does so alone, or it is the first
+        integer :: lead = 0                       !! of all whose joint variables rest and break loose together the first; itself:
+                                                  !! it does so alone, or it is the first
         integer :: event = 0                      !! whose formula is the slip; several that close together have one
         integer :: line = 0
     end type clutch_spec
@@ -489,7 +496,8 @@ module linkdyn_scene
         real(wp) :: viscous = 0                   !! beside it [N s/m]; at joints that only turn [N m s/rad]
         real(wp) :: radius = 0                    !! of the surface that slides [m]; 0: it has none
         real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
-        real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
+        real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no
+                                                  !! friction
         real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
         real(wp) :: efficiency = 0                !! of teeth: what comes out of power that goes in; 0: friction makes it
         logical :: sticks = .false.               !! in forward dynamics it holds what rests, and nothing is smoothed
@@ -556,7 +564,8 @@ module linkdyn_scene
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
-        type(joint_spec), allocatable :: joint(:)    !! those that hold something, then parts of poses by which coordinates lead links
+        type(joint_spec), allocatable :: joint(:)    !! those that hold something, then parts of poses by which coordinates lead
+                                                     !! links
         type(coordinate_spec), allocatable :: coordinate(:)
         type(actuator_spec), allocatable :: actuator(:)
         type(controller_spec), allocatable :: controller(:)
@@ -685,8 +694,8 @@ contains
                         .and. (spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none)
     end function pulls_in_line
 
-    !> Is a measure roll or yaw of a ball, or its rate? Where the ball's pitch is a right angle they have no value of their own; but as
-    !> coordinates they are what is given.
+    !> Is a measure roll or yaw of a ball, or its rate? Where the ball's pitch is a right angle they have no value of their own; but
+    !> as coordinates they are what is given.
     pure logical function loses_itself_at_pole(scene, measure)
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(in) :: measure
@@ -733,8 +742,8 @@ contains
         end if
     end function marker_axes_at
 
-    !> The axes in which one link sees another, in columns, own axes: the link's, or those of its marker. In a plane the axis of a marker is
-    !> its x.
+    !> The axes in which one link sees another, in columns, own axes: the link's, or those of its marker. In a plane the axis of a
+    !> marker is its x.
     pure function seeing_axes_at(scene, link, marker) result(axes)
         type(scene_type), intent(in) :: scene
         integer, intent(in) :: link, marker            !! marker 0: the link's own

@@ -1,13 +1,14 @@
-!> Recognise a platform that three pairs of parallel rods keep from turning, as that of a Delta robot: led by where a point of it is,
-!> or hung on cranks or carriages that are placed already, by their drives, say.
+!> Recognise a platform that three pairs of parallel rods keep from turning, as that of a Delta robot: led by where a point of it
+!> is, or hung on cranks or carriages that are placed already, by their drives, say.
 !>
-!> Each pair goes from a crank or carriage to the platform. The crank turns about a hinge along which its two balls lie, the carriage
-!> slides and does not turn at all: so from ball to ball is the same vector always, as the base sees it. Where it is that of the
-!> platform's balls, too, and both rods are equally long, a platform that stands as the base does closes all of it wherever it is.
-!> In which axes the platform is written does not matter: there is an attitude of it, its *stance*, in which all three pairs fit.
+!> Each pair goes from a crank or carriage to the platform. The crank turns about a hinge along which its two balls lie, the
+!> carriage slides and does not turn at all: so from ball to ball is the same vector always, as the base sees it. Where it is that
+!> of the platform's balls, too, and both rods are equally long, a platform that stands as the base does closes all of it wherever
+!> it is. In which axes the platform is written does not matter: there is an attitude of it, its *stance*, in which all three pairs
+!> fit.
 !>
-!> A pair may be one rod between universal joints (RUU): its outer axes, that on the lead and that on the platform, are parallel like
-!> both rods, and so are its inner ones, square to it.
+!> A pair may be one rod between universal joints (RUU): its outer axes, that on the lead and that on the platform, are parallel
+!> like both rods, and so are its inner ones, square to it.
 module linkdyn_shift_plan
     use linkdyn_angles, only: angles_of_matrix, matrix_of_angles
     use linkdyn_cross, only: cross
@@ -48,7 +49,8 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: member(:)                       !! links to be placed
         logical, intent(in) :: known(0:)                       !! links placed already
-        integer, intent(in) :: given(:, :)                     !! coordinate or what some lead that gives a variable; 0: none (3, joint)
+        integer, intent(in) :: given(:, :)                     !! coordinate or what some lead that gives a variable; 0: none (3,
+                                                               !! joint)
         type(shift_type), intent(out) :: shift
         logical, intent(out) :: found
         integer :: i

@@ -21,8 +21,9 @@ module linkdyn_step_part
         integer :: n_own = 0                           !! links that it places: its first ones
         integer, allocatable :: link(:)                !! in the whole mechanism (link of the part)
         integer, allocatable :: joint(:)               !! likewise (joint of the part)
-        integer, allocatable :: given(:)               !! what its coordinates are there: coordinates, and beyond the last what gears
-                                                       !! lead; of what joints of the part lead themselves the rest (coordinate)
+        integer, allocatable :: given(:)               !! what its coordinates are there: coordinates, and beyond the last what
+                                                       !! gears lead; of what joints of the part lead themselves the rest
+                                                       !! (coordinate)
         real(wp), allocatable :: number(:)             !! as `linkdyn_numbers` lists them
         logical, allocatable :: varies(:)              !! it is no part of the key
         character(len=:), allocatable :: key
@@ -157,8 +158,8 @@ contains
     subroutine begin_part(model, link, joint, turn_as_one, part)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)       !! that are placed; between these and known ones
-        logical, intent(in) :: turn_as_one             !! the links placed share one turning; else each turns alone, those that slide
-                                                       !! on each other, too
+        logical, intent(in) :: turn_as_one             !! the links placed share one turning; else each turns alone, those that
+                                                       !! slide on each other, too
         type(step_part), intent(inout) :: part
         integer :: i, side, o
 

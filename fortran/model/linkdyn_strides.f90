@@ -1,8 +1,8 @@
 !> How far coordinates go in one stride of a way: a tenth of a radian, or of the mechanism's size.
 !>
 !> Turns of a thread are small ways, many of which make one of that size. So a screw's angle goes as many radians as take its nut
-!> so far, and that of a hinge likewise whose link turns in nothing but threads about the same axis: a spindle in its bearing; or that
-!> gears tie to one, a motor's or a handwheel's.
+!> so far, and that of a hinge likewise whose link turns in nothing but threads about the same axis: a spindle in its bearing; or
+!> that gears tie to one, a motor's or a handwheel's.
 module linkdyn_strides
     use linkdyn_gearing, only: is_on_axis
     use linkdyn_joint_table, only: is_geared, is_threaded, joint_n_variable
@@ -45,8 +45,8 @@ contains
         end associate
     end function pitch_of
 
-    !> The coarsest thread, by the coordinate's angle, of the hinges that it turns: its own, and those behind gears. Zero if one of them
-    !> turns more than a spindle or a wheel.
+    !> The coarsest thread, by the coordinate's angle, of the hinges that it turns: its own, and those behind gears. Zero if one of
+    !> them turns more than a spindle or a wheel.
     pure real(wp) function pitch_of_hinges(model, k) result(pitch)
         type(model_type), intent(in) :: model
         integer, intent(in) :: k
@@ -82,8 +82,8 @@ contains
         end do
     end subroutine find_way
 
-    !> Way by the coarsest thread, if all other joints of the hinge's link are threads on the hinge's axis, or gears that tie given angles;
-    !> else below zero.
+    !> Way by the coarsest thread, if all other joints of the hinge's link are threads on the hinge's axis, or gears that tie given
+    !> angles; else below zero.
     pure real(wp) function way_of_spindle(model, hinge, side) result(way)
         type(model_type), intent(in) :: model
         integer, intent(in) :: hinge, side

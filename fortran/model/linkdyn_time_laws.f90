@@ -1,4 +1,5 @@
-!> All laws of a scene, and whose they are: of motions, drives, clutches, controllers, payloads, the frame, loads, springs, and events.
+!> All laws of a scene, and whose they are: of motions, drives, clutches, controllers, payloads, the frame, loads, springs, and
+!> events.
 module linkdyn_time_laws
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, law_spec, switch_spec, name_len, n_clutch, n_controller, n_event

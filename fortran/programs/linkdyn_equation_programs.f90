@@ -1,8 +1,8 @@
 !> The equations of motion as kernels, of links that move as they are told.
 !>
-!> Equations may be written down in several ways; for each there is the matrix with its right-hand side, for whoever solves them with
-!> pivots of his own, and what follows of the unknowns that he has found. Written sparsely they are solved by a kernel as well, with
-!> pivots that serve representative samples; it tells where they do not.
+!> Equations may be written down in several ways; for each there is the matrix with its right-hand side, for whoever solves them
+!> with pivots of his own, and what follows of the unknowns that he has found. Written sparsely they are solved by a kernel as well,
+!> with pivots that serve representative samples; it tells where they do not.
 module linkdyn_equation_programs
     use linkdyn_catalogue, only: quantity_values
     use linkdyn_effort_laws, only: law_effort, compares_motion

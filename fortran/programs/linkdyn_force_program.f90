@@ -63,7 +63,8 @@ contains
         call trace_redundancy(wanted, traced)
     end subroutine trace_forces
 
-    !> Trace what an over-constrained mechanism needs: do its joints fit, and what are the reactions that its equations have left open?
+    !> Trace what an over-constrained mechanism needs: do its joints fit, and what are the reactions that its equations have left
+    !> open?
     subroutine trace_redundancy(wanted, traced)
         integer, intent(in) :: wanted(:)           !! `result_*`
         type(traced_type), intent(inout) :: traced

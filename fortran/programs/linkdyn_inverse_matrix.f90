@@ -1,8 +1,8 @@
-!> Solutions of the equations of motion for any right-hand sides, and with their transpose: what it takes to say how near they are to
-!> being singular.
+!> Solutions of the equations of motion for any right-hand sides, and with their transpose: what it takes to say how near they are
+!> to being singular.
 !>
-!> What depends on the pose alone is found once; the rest is a kernel from right-hand sides to unknowns. Its derivatives by these are the
-!> solution with the transposed matrix.
+!> What depends on the pose alone is found once; the rest is a kernel from right-hand sides to unknowns. Its derivatives by these
+!> are the solution with the transposed matrix.
 module linkdyn_inverse_matrix
     use linkdyn_elimination, only: sparse_row, elimination_type, eliminate, alarm_of_watched
     use linkdyn_equation_programs, only: equation_choice, write_equations

@@ -1,5 +1,5 @@
-!> The program that looks at the states in which steps end: from coordinates, their rates and accelerations to all that steps are judged
-!> by. It takes nothing that acts.
+!> The program that looks at the states in which steps end: from coordinates, their rates and accelerations to all that steps are
+!> judged by. It takes nothing that acts.
 module linkdyn_look_program
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of
     use linkdyn_inputs, only: trace_request, sample_set
@@ -24,9 +24,11 @@ module linkdyn_look_program
     type :: look_choice
         integer, allocatable :: joint(:)               !! with one axis, whose rate and acceleration are wanted
         integer, allocatable :: link(:)                !! whose angular velocity and acceleration are wanted
-        integer, allocatable :: compared(:, :)         !! joint and place of variables whose rates by coordinates are wanted (2, variable)
+        integer, allocatable :: compared(:, :)         !! joint and place of variables whose rates by coordinates are wanted (2,
+                                                       !! variable)
         integer, allocatable :: coordinate(:)          !! by a unit rate of each of these
-        integer, allocatable :: angle(:, :)            !! joint and place of joint angles that are wanted with their rates (2, angle)
+        integer, allocatable :: angle(:, :)            !! joint and place of joint angles that are wanted with their rates (2,
+                                                       !! angle)
     end type look_choice
 
     !> Where everything begins among the outputs of a sample. What tells assemblies and energies comes first, and can be had alone.

@@ -29,7 +29,8 @@ module linkdyn_rate_program
         integer :: n = 0
         integer :: acceleration = 0            !! of the coordinates (n_q)
         integer :: effort = 0                  !! driving forces [N, N m] (n_actuator); 0: they are given
-        integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it [N, N m] (lossy motor)
+        integer :: transmitted = 0             !! of driving forces, behind rotors, where a transmission loses of it [N, N m] (lossy
+                                               !! motor)
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
         integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
@@ -38,8 +39,8 @@ module linkdyn_rate_program
         integer :: quaternion = 0              !! rates of attitudes that are given so [1/s] (4 n_attitude); 0: by their angles
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
         integer :: reach = 0                   !! not above zero: a loop does not close, or hardly
-        integer :: slope = 0                   !! what is linear, with the driving force of each lossy motor (n_linear, lossy motor);
-                                               !! 0: something rubs
+        integer :: slope = 0                   !! what is linear, with the driving force of each lossy motor (n_linear, lossy
+                                               !! motor); 0: something rubs
         integer :: n_linear = 0
     end type rate_outputs
 

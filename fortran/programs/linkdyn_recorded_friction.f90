@@ -3,8 +3,8 @@
 !> Three programs of one trace. The first finds all that friction leaves alone: motion, elimination of the matrix, how fast
 !> contacts slide. The second has what presses for given friction; it is run until nothing changes. The third has the results.
 !>
-!> Motors whose transmissions lose some of a given torque (`linkdyn_loss_balance`) hang on friction, and friction on them: the second
-!> program has what they transmit, too, and how that changes with driving forces, so that both settle in the same rounds.
+!> Motors whose transmissions lose some of a given torque (`linkdyn_loss_balance`) hang on friction, and friction on them: the
+!> second program has what they transmit, too, and how that changes with driving forces, so that both settle in the same rounds.
 module linkdyn_recorded_friction
     use linkdyn_block, only: block_lanes
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part
@@ -119,7 +119,8 @@ contains
         integer, intent(in) :: first, count
         type(friction_space), intent(inout), target :: space
         logical, intent(inout) :: is_left(count)
-        type(lossy_samples), intent(inout), optional :: lossy  !! of all samples; their driving forces in the arrays are less what is lost
+        type(lossy_samples), intent(inout), optional :: lossy  !! of all samples; their driving forces in the arrays are less what
+                                                               !! is lost
         real(wp), dimension(most_lanes) :: change, change_before
         logical, dimension(most_lanes) :: rests, fails
         integer :: n

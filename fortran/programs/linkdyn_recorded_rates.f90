@@ -40,7 +40,8 @@ module linkdyn_recorded_rates
         type(scene_program) :: looks                   !! at the ends of steps; not made if nobody wants that
         type(look_outputs) :: look
         type(friction_programs) :: friction            !! not made if nothing rubs
-        type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no places
+        type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no
+                                                       !! places
     end type recorded_rates
 
     !> Samples of one thread: what its record takes and gives.
@@ -52,25 +53,28 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: effort(:, :) => null()        !! driving forces given (n_actuator, sample) [N, N m]
         real(wp), pointer, contiguous :: branch(:, :) => null()        !! (n_branch, sample)
         real(wp), pointer, contiguous :: place(:, :) => null()         !! of links closed by iteration (place_size n_link, sample)
-        real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N m]
+        real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N
+                                                                       !! m]
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
         real(wp), pointer, contiguous :: counted(:, :) => null()       !! angles that coordinates stand in for (n_q, sample) [rad]
-        real(wp), pointer, contiguous :: sense(:, :) => null()         !! of contacts that may stick: they slide that way, see `in_sense`
-                                                                       !! (n_part n_contact, sample)
-        real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on, then how fast motors turn
-                                                                       !! their joint variables (measure + actuator, sample)
+        real(wp), pointer, contiguous :: sense(:, :) => null()         !! of contacts that may stick: they slide that way, see
+                                                                       !! `in_sense` (n_part n_contact, sample)
+        real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on, then how fast motors
+                                                                       !! turn their joint variables (measure + actuator, sample)
         integer :: n_measure = 0
         real(wp), allocatable :: law(:, :)                             !! values of the laws (law, sample)
-        real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
+        real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure,
+                                                                       !! sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (sample, value)
         real(wp), pointer, contiguous :: seen(:, :) => null()          !! as `look_outputs` tells (value, sample)
-        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
+        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them
+                                                                       !! (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
-        logical :: are_new = .true.                                    !! since the rates were run last; false: they take from the arrays
-                                                                       !! what they took then
+        logical :: are_new = .true.                                    !! since the rates were run last; false: they take from the
+                                                                       !! arrays what they took then
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured, one_seen, block_seen
         type(friction_space), private :: friction

@@ -35,7 +35,8 @@ module linkdyn_scene_program
 
     !> Numbers of a block that somebody else has in columns.
     type :: column_list
-        integer, allocatable :: of(:)                  !! column of each number; 0: it is in the arrays of samples. Not allocated: all are
+        integer, allocatable :: of(:)                  !! column of each number; 0: it is in the arrays of samples. Not allocated:
+                                                       !! all are
     end type column_list
 
     !> From where inputs come.
@@ -47,7 +48,8 @@ module linkdyn_scene_program
     type :: scene_program
         type(program_type) :: program
         type(input_segment), allocatable :: input(:)
-        integer, allocatable :: id(:), first(:), n(:)  !! of the outputs; parts of one may be wanted alone: these stand one after the other
+        integer, allocatable :: id(:), first(:), n(:)  !! of the outputs; parts of one may be wanted alone: these stand one after
+                                                       !! the other
         integer :: n_found = 0, first_found = 0        !! numbers of block `in_found`, which stand side by side among the inputs
         type(kernel_type) :: kernel                    !! for whoever wants to read it
         logical :: is_made = .false.
@@ -470,13 +472,14 @@ contains
         end do
     end subroutine run_loaded_one
 
-    !> The first n samples, of which a part of the inputs lies in columns; outputs go to columns, too, in their order. One sample alone
-    !> takes a part of what a block takes. Says in which further samples a number is not finite.
+    !> The first n samples, of which a part of the inputs lies in columns; outputs go to columns, too, in their order. One sample
+    !> alone takes a part of what a block takes. Says in which further samples a number is not finite.
     subroutine run_wired(program, wiring, arrays, are_new, stride, columns, n, one, block, room, n_value, found, is_bad)
         type(scene_program), intent(in) :: program
         type(input_wiring), intent(in) :: wiring
         type(sample_arrays), intent(in) :: arrays
-        logical, intent(in) :: are_new                 !! arrays; false: they are as they were, and the slots keep what came from them
+        logical, intent(in) :: are_new                 !! arrays; false: they are as they were, and the slots keep what came from
+                                                       !! them
         integer, intent(in) :: stride                  !! from one column to the next
         real(wp), intent(in) :: columns(stride, *)     !! (sample, column)
         integer, intent(in) :: n

@@ -43,8 +43,10 @@ module linkdyn_step_kernels
         of_way
 
     ! ---- the kernels
-    integer, parameter :: of_places = 1        !! of the step's links; slides of its joints; what is negative where loops cannot close
-    integer, parameter :: of_velocities = 2    !! of the links; of loops: rates of the constraints while the links rest, less what is given
+    integer, parameter :: of_places = 1        !! of the step's links; slides of its joints; what is negative where loops cannot
+                                               !! close
+    integer, parameter :: of_velocities = 2    !! of the links; of loops: rates of the constraints while the links rest, less what
+                                               !! is given
     integer, parameter :: of_accelerations = 3 !! likewise
     integer, parameter :: of_errors = 4        !! of loops: entries of the matrix, then errors of the constraints
     integer, parameter :: of_looks = 5         !! of groups: slides, axes that must not be turned end for end, threads
@@ -69,7 +71,8 @@ module linkdyn_step_kernels
         type(matrix_form) :: form                      !! of `of_errors`
         type(elimination_pattern) :: pattern           !! likewise
         integer :: n_slide = 0, n_closing = 0          !! what `of_places` gives after the places
-        integer :: n_facing = 0, n_thread = 0          !! what `of_looks` gives after the slides; of a thread the angle that it is off by
+        integer :: n_facing = 0, n_thread = 0          !! what `of_looks` gives after the slides; of a thread the angle that it is
+                                                       !! off by
         character(len=:), allocatable, private :: key
         logical, private :: by_quaternion = .false.
         integer, private :: n_user = 0
@@ -233,8 +236,8 @@ contains
 
     ! ---------------------------------------------------------------- traces
 
-    !> Inputs, and a mechanism of which the links around the step are placed and move. Numbers of the motion: places of all links, then
-    !> velocities, then accelerations.
+    !> Inputs, and a mechanism of which the links around the step are placed and move. Numbers of the motion: places of all links,
+    !> then velocities, then accelerations.
     subroutine begin_step(part, by_quaternion, in, mechanism, is_placed)
         type(step_part), intent(in), target :: part
         logical, intent(in) :: by_quaternion

@@ -13,7 +13,8 @@ module linkdyn_friction_quantities
 
 contains
 
-    !> Also what holds joints that stick. On the second link at its marker, world axes: Fx Fy Fz Mx My Mz, planar Fx Fy Mz, joint after joint.
+    !> Also what holds joints that stick. On the second link at its marker, world axes: Fx Fy Fz Mx My Mz, planar Fx Fy Mz, joint
+    !> after joint.
     function friction_wrenches(traced) result(v)
         type(traced_type), intent(in) :: traced
         type(value), allocatable :: v(:)

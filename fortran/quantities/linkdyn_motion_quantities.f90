@@ -41,8 +41,8 @@ contains
         end do
     end function all_joint_rates
 
-    !> Transmission angles of the planar dyads: between the two ways in which the inner joint moves, with the one link and with the other. 0 at
-    !> a dead point, a right angle at best.
+    !> Transmission angles of the planar dyads: between the two ways in which the inner joint moves, with the one link and with the
+    !> other. 0 at a dead point, a right angle at best.
     function transmission_angles(mechanism) result(angle)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: angle(mechanism%model%n_dyad)

@@ -1,5 +1,5 @@
-!> Where a matrix may have entries other than zero while it is eliminated with partial pivoting, whichever rows are chosen for pivots:
-!> of the rows among which there is a choice each may come to have what any of them has.
+!> Where a matrix may have entries other than zero while it is eliminated with partial pivoting, whichever rows are chosen for
+!> pivots: of the rows among which there is a choice each may come to have what any of them has.
 !>
 !> **Source**: A. George, E. Ng, SIAM J. Sci. Stat. Comput. 8 (1987) 877.
 module linkdyn_elimination_pattern

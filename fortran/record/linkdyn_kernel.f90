@@ -26,7 +26,8 @@ module linkdyn_kernel
         integer, allocatable :: output_slot(:)         !! (output)
         integer, allocatable :: output_sign(:)         !! (output) +1 or -1
         integer, allocatable :: group_end(:)           !! (group) its last output
-        integer, allocatable :: step_end(:)            !! (group) steps after which its outputs must be taken: later ones reuse slots
+        integer, allocatable :: step_end(:)            !! (group) steps after which its outputs must be taken: later ones reuse
+                                                       !! slots
     end type kernel_type
 
     integer, parameter :: largest_group = 16           !! outputs: what stays in the first cache until it is taken

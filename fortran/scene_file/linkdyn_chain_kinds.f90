@@ -140,7 +140,8 @@ contains
         if (all > 1) suffix = suffix//achar(iachar("0") + n)
     end function joint_suffix
 
-    !> The joint that is driven: the slide of a telescope, of a word the first hinge or slide that there is, or 0; else that on the base.
+    !> The joint that is driven: the slide of a telescope, of a word the first hinge or slide that there is, or 0; else that on the
+    !> base.
     pure integer function drive_of(kind)
         type(chain_kind), intent(in) :: kind
 

@@ -1,9 +1,9 @@
 !> The links and joints of one leg of a chain, their markers placed by rule.
 !>
-!> Axes of a leg's links: z from the base's side to the platform's, of a carriage those of the base link; y along a hinge and the second
-!> axis of a universal joint; in a plane x from the base's side to the platform's. Origins: of the last half of a telescope at the
-!> platform, of all others at the base's side. At joint variables of zero crank and rod are in one line, and a telescope or rod on a
-!> hinge stands most upright.
+!> Axes of a leg's links: z from the base's side to the platform's, of a carriage those of the base link; y along a hinge and the
+!> second axis of a universal joint; in a plane x from the base's side to the platform's. Origins: of the last half of a telescope
+!> at the platform, of all others at the base's side. At joint variables of zero crank and rod are in one line, and a telescope or
+!> rod on a hinge stands most upright.
 module linkdyn_chain_parts
     use linkdyn_chain_kinds, only: chain_kind, letter_len, joints_of_leg, is_crank_kind, is_telescope, joint_kind_of, &
         joint_suffix, drive_of, anywhere

@@ -360,9 +360,9 @@ contains
     end subroutine read_arms
 
     !> From the axes in which the file describes link k of a leg that is a copy, to that link's. Those of a carriage are its base
-    !> link's, in which it turns. The others' go along with the leg; they are right-handed, so that one of an image's is reversed: y,
-    !> where it is square to what is mirrored (see `linkdyn_chain_parts`) or along the hinge of a crank, which turns the other way;
-    !> else x.
+    !> link's, in which it turns. The others' go along with the leg; they are right-handed, so that one of an image's is reversed:
+    !> y, where it is square to what is mirrored (see `linkdyn_chain_parts`) or along the hinge of a crank, which turns the other
+    !> way; else x.
     pure function carry_of(kind, k, planar, pattern, copy) result(carry)
         type(chain_kind), intent(in) :: kind
         integer, intent(in) :: k, copy                 !! copy 0: none

@@ -216,9 +216,9 @@ contains
         end if
     end subroutine read_sides
 
-    !> Friction that sticks is a clutch, which has the joint's name; of joints with several variables one for each, with the name of that
-    !> behind a dot. Where they rub along one surface they go together, and have one event, of the joint's name. Of joints without variables
-    !> it holds what slips there.
+    !> Friction that sticks is a clutch, which has the joint's name; of joints with several variables one for each, with the name of
+    !> that behind a dot. Where they rub along one surface they go together, and have one event, of the joint's name. Of joints
+    !> without variables it holds what slips there.
     subroutine add_sticking(place, friction, number, shelf, scene, status)
         type(scene_place), intent(in) :: place
         type(friction_spec), intent(in) :: friction
@@ -287,8 +287,8 @@ contains
         scene%clutch = [scene%clutch, clutch]
     end subroutine add_surfaces
 
-    !> Do wheels turn against each other where teeth or a belt rub, or do surfaces slide: a worm's thread, an open belt's wheels where they
-    !> pass each other, a cam? As `is_bare` of `linkdyn_contact` has it.
+    !> Do wheels turn against each other where teeth or a belt rub, or do surfaces slide: a worm's thread, an open belt's wheels
+    !> where they pass each other, a cam? As `is_bare` of `linkdyn_contact` has it.
     pure logical function turns_at_teeth(joint)
         type(joint_spec), intent(in) :: joint
 
@@ -315,8 +315,8 @@ contains
             "follow "//quoted(whole)//" (expected a shorter name)", status)
     end subroutine name_part
 
-    !> What is held together: a clutch for each part, and an event of the name of the whole, which is looked at as such. Where they rub, they do
-    !> along one surface.
+    !> What is held together: a clutch for each part, and an event of the name of the whole, which is looked at as such. Where they
+    !> rub, they do along one surface.
     subroutine add_parts(place, whole, part, shelf, scene, status)
         type(scene_place), intent(in) :: place
         type(clutch_spec), intent(in) :: whole

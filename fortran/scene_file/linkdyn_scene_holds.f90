@@ -20,8 +20,8 @@ module linkdyn_scene_holds
         type(quantity_type) :: of_force, of_place       !! what is measured there
     end type held_part
 
-    !> Which parts are held of two markers: along x, y, z of the first, then about them. In a plane x is the axis of the first, and z square
-    !> to the plane.
+    !> Which parts are held of two markers: along x, y, z of the first, then about them. In a plane x is the axis of the first, and
+    !> z square to the plane.
     type :: hold_type
         character(len=11) :: name                       !! of a joint that holds the same
         logical :: holds(6)

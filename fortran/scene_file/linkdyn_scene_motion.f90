@@ -183,8 +183,8 @@ contains
         coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
 
-    !> Where neither a start nor a motion says where a pose begins, that is where the link's own start has it; so do components and laws
-    !> that a motion leaves open.
+    !> Where neither a start nor a motion says where a pose begins, that is where the link's own start has it; so do components and
+    !> laws that a motion leaves open.
     subroutine begin_at_link(place, scene, link, point, components, coordinate)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene

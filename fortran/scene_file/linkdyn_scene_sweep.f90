@@ -105,8 +105,8 @@ contains
         call form_groups(place, group, combination == 2, scene%sweep, status)
     end subroutine read_axes
 
-    !> Without an axis over time coordinates rest at their starts: what moves them has no part in any sample, but where a motion begins
-    !> is the start of a coordinate that says none.
+    !> Without an axis over time coordinates rest at their starts: what moves them has no part in any sample, but where a motion
+    !> begins is the start of a coordinate that says none.
     subroutine refuse_motions_at_rest(place, list, root, axis, status)
         type(scene_place), intent(in) :: place
         type(toml_node), intent(in) :: list, root

@@ -151,8 +151,8 @@ contains
         span%last = min(span%last, law%time(size(law%time)))
     end subroutine add_law
 
-    !> A table says nothing before its first row and after its last: neither about instants, nor about a coordinate that has a motion,
-    !> whose course along the run is known.
+    !> A table says nothing before its first row and after its last: neither about instants, nor about a coordinate that has a
+    !> motion, whose course along the run is known.
     subroutine require_tables_cover(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(in) :: scene

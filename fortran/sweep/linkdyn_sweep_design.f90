@@ -126,7 +126,8 @@ contains
         call prepare_pose_measures(spec, row, design%model, design%measures)
     end subroutine plan_design
 
-    !> Plan by which equations a design is solved. The map of forces has none of its own, but there must be as many actuators as freedoms.
+    !> Plan by which equations a design is solved. The map of forces has none of its own, but there must be as many actuators as
+    !> freedoms.
     subroutine plan_equations(plan, row, source, solver, design)
         type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row

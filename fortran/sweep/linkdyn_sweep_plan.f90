@@ -39,7 +39,8 @@ module linkdyn_sweep_plan
         integer(int64) :: n_pose = 1                       !! samples of one design
         integer(int64) :: n_line = 0                       !! samples in a line along the fastest axis that moves links;
                                                            !! 0: there is none, or its samples have no order
-        integer(int64) :: n_load_case = 1                  !! samples that follow each other at one pose: the fastest axes move no link
+        integer(int64) :: n_load_case = 1                  !! samples that follow each other at one pose: the fastest axes move no
+                                                           !! link
         integer(int64) :: chunk = 1                        !! samples in a chunk
         integer(int64) :: n_chunk_design = 1
         integer(int64) :: n_chunk = 1                      !! in all

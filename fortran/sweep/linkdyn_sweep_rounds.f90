@@ -1,8 +1,8 @@
 !> A sweep on its way, in rounds of chunks: by one process or several, in memory or with what is done kept beside its results, so
 !> that what was interrupted can be gone on with.
 !>
-!> Rounds are as long as it takes to hear an interrupt and to tell how far the work is; the results do not depend on it. What is kept
-!> belongs to the file that the results are for: checkpoint, spool of kept samples, and a lock that says who is at it.
+!> Rounds are as long as it takes to hear an interrupt and to tell how far the work is; the results do not depend on it. What is
+!> kept belongs to the file that the results are for: checkpoint, spool of kept samples, and a lock that says who is at it.
 module linkdyn_sweep_rounds
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_checkpoint, only: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
@@ -88,8 +88,8 @@ contains
 
     !> The results are for a file: take its lock, find out at once whether it can be written, and go on where an earlier run stands.
     !>
-    !> **Errors**: `status_bad_input` if another process is at it, or an interrupted run is kept there that is not to be gone on with;
-    !> `status_io_error` for what cannot be read or written.
+    !> **Errors**: `status_bad_input` if another process is at it, or an interrupted run is kept there that is not to be gone on
+    !> with; `status_io_error` for what cannot be read or written.
     subroutine keep_beside(name, resumes, interval, to_resume, run, rounds, status)
         character(len=*), intent(in) :: name               !! of the results
         logical, intent(in) :: resumes                     !! an interrupted run is gone on with, if there is one
@@ -165,7 +165,8 @@ contains
         call system_clock(rounds%kept_at)
     end subroutine keep
 
-    !> The end: the results are there (`is_done`), and nothing is kept any more; or the run was interrupted, and is kept as it stands.
+    !> The end: the results are there (`is_done`), and nothing is kept any more; or the run was interrupted, and is kept as it
+    !> stands.
     subroutine end_rounds(run, is_done, rounds, status)
         type(sweep_run), intent(in) :: run
         logical, intent(in) :: is_done
@@ -192,7 +193,8 @@ contains
         type(sweep_run), intent(inout) :: run
         type(sweep_rounds), intent(inout) :: rounds
         type(status_type), intent(inout) :: status
-        real(wp), intent(inout), optional :: records(:, :) !! kept samples of the round, if no file keeps them (kept_width, most_kept)
+        real(wp), intent(inout), optional :: records(:, :) !! kept samples of the round, if no file keeps them (kept_width,
+                                                           !! most_kept)
         integer, intent(out), optional :: n_record         !! how many these are
         type(totals_type), allocatable :: part(:)
         integer(int64) :: shared(1), start

@@ -68,8 +68,8 @@ contains
         call add_actuator(scene, joint, 1)
     end subroutine drive
 
-    !> A dyad between two driven links; or between the frame and a link on a rail, to stretch it. In its halves there may be slides that
-    !> lead: 1 in the first, 2 in the second, 3 in both.
+    !> A dyad between two driven links; or between the frame and a link on a rail, to stretch it. In its halves there may be slides
+    !> that lead: 1 in the first, 2 in the second, 3 in both.
     subroutine dyad_scene(signature, scene, on_rail, led)
         character(len=3), intent(in) :: signature
         type(scene_type), intent(out) :: scene

@@ -96,7 +96,8 @@ contains
         if (status%is_ok()) call compare(error, scene)
     end subroutine test_csp
 
-    !> Legs by name and link by link, in skew axes, either end of the rod in the universal joint, on the frame and on a link that moves.
+    !> Legs by name and link by link, in skew axes, either end of the rod in the universal joint, on the frame and on a link that
+    !> moves.
     subroutine test_rod_legs(error)
         type(test_error), intent(inout) :: error
         type(scene_type) :: scene

@@ -251,7 +251,8 @@ contains
         call check(error, all(abs(got(4, :) - given(1, :)) <= 0.5_wp), "the nearest whole number")
     end subroutine test_lane_functions
 
-    !> Columns take what rows take, of any number of samples, and nothing beside; both tell which samples have a number that is not finite.
+    !> Columns take what rows take, of any number of samples, and nothing beside; both tell which samples have a number that is not
+    !> finite.
     subroutine test_columns(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n_output = 3, room = 70

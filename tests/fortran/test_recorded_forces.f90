@@ -508,7 +508,8 @@ contains
         call compare_roads(error, "towards the change point", model, batch, in_order=.true., accuracy=three_digits)
     end subroutine test_dead_groups
 
-    !> The links of the legs in axes of their own, the ball joints written first: closed at once in lanes and in a record, or iterated.
+    !> The links of the legs in axes of their own, the ball joints written first: closed at once in lanes and in a record, or
+    !> iterated.
     subroutine test_legs(error)
         type(test_error), intent(inout) :: error
         type(scene_type) :: scene

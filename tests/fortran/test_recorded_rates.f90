@@ -386,7 +386,8 @@ contains
         end do
     end subroutine test_motors_elsewhere
 
-    !> Motors of a mechanism that lose in their gears; friction in its joints hangs on that, and that on it; joints that stick slide.
+    !> Motors of a mechanism that lose in their gears; friction in its joints hangs on that, and that on it; joints that stick
+    !> slide.
     subroutine test_lossy(error)
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: name(3) = &

@@ -110,8 +110,8 @@ contains
         end subroutine go
     end subroutine test_pole
 
-    !> Half of what a step of this size may turn an angle by is told by the rates at its ends alone: no closer looks are taken, though the
-    !> caller wants variables only.
+    !> Half of what a step of this size may turn an angle by is told by the rates at its ends alone: no closer looks are taken,
+    !> though the caller wants variables only.
     subroutine test_own_rates(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 1000
