@@ -48,6 +48,7 @@ def test_a_wrong_reference_is_called_so(tmp_path, monkeypatch):
         "link": [{"name": "rod", "mass": 1.0, "inertia": 0.1, "cog": [0.5, 0.0], "markers": {"A": [0.0, 0.0]}}],
         "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "rod.A"]}], "coordinate": [{"joint": "A", "start": {"position": 0.3, "velocity": 0.0}}],
     })  # fmt: skip
+    scene.forward(0.1, method="rk8pd")    # one of the two: a build without it cannot tell
     command = linkdyn.cli.executable()
     twin = tmp_path / "linkdyn-real128"
     monkeypatch.setenv("LINKDYN_REAL128", str(twin))
