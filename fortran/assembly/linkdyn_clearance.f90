@@ -5,7 +5,7 @@ module linkdyn_clearance
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, step_ups, orientation_of, side_of, direction_of_leg
+    use linkdyn_model, only: model_type, step_ups, orientation_of, point_on, beyond_leg, direction_of_leg
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.), &
         operator(.unrotate.), lane_of
     implicit none (type, external)
@@ -34,17 +34,15 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: diameter      !! [m]
         type(rod), allocatable :: legs(:)
-        integer :: i, side(2)
+        integer :: i, ends(2)
 
         allocate (legs(0))
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (step%kind /= step_ups) cycle
-                associate (first => model%joint(step%joint(1)), last => model%joint(step%joint(3)))
-                    side = 3 - [side_of(first, step%link(1)), side_of(last, step%link(2))]
-                    legs = [legs, rod([first%link(side(1)), last%link(side(2))], &
-                                      reshape([first%point(:, side(1)), last%point(:, side(2))], [3, 2]), diameter/2)]
-                end associate
+                ends = [beyond_leg(model, step, 1), beyond_leg(model, step, 2)]
+                legs = [legs, rod(ends, reshape([point_on(model%joint(step%joint(1)), ends(1)), &
+                                                 point_on(model%joint(step%joint(3)), ends(2))], [3, 2]), diameter/2)]
             end associate
         end do
     end function legs_of

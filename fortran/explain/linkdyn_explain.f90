@@ -18,7 +18,7 @@ module linkdyn_explain
     use linkdyn_mesh_losses, only: worm_friction_angle
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
         step_rod, step_hung, step_rrr, step_rrp, step_group, step_name, n_hung_rod, base_of_hung, is_dyad, is_length, is_screw, &
-        place_size, side_of, turns_in_two, holds_spin, is_released, drives_share
+        place_size, side_of, turns_in_two, beyond_leg, holds_spin, is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
@@ -422,8 +422,8 @@ contains
         case (step_ups)
             text = trim(merge("UCU", "UPS", turns_in_two(model, step)))//" leg " &
                    //trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
-                   //" between "//name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
-                   //name_of(model, sum(model%joint(step%joint(3))%link) - step%link(2))//": closed form"
+                   //" between "//name_of(model, beyond_leg(model, step, 1))//" and " &
+                   //name_of(model, beyond_leg(model, step, 2))//": closed form"
         case (step_csp)
             text = "CSP group "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //": closed form"

@@ -11,7 +11,8 @@ module linkdyn_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of, scene_size, side_of, step_parts, step_pose, step_ups, direction_of_leg
+    use linkdyn_model, only: model_type, orientation_of, scene_size, side_of, point_on, step_parts, step_pose, step_ups, &
+        beyond_leg, direction_of_leg
     use linkdyn_vec2, only: vec2, operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -75,7 +76,7 @@ contains
         integer, intent(in) :: number         !! 0: none
         type(plain_leg), intent(out) :: leg
         logical :: is_against                 !! the slide's variable grows as the leg becomes shorter
-        integer :: i, end
+        integer :: i, end, ends(2)
 
         do i = 1, size(model%step)
             associate (step => model%step(i))
@@ -83,29 +84,17 @@ contains
                 associate (slide => model%joint(step%joint(2)))
                     is_against = side_of(slide, step%link(1)) == 2 .neqv. step%branch < 0
                 end associate
-                end = findloc([beyond(i, 1), beyond(i, 2)] == 0, .false., dim=1)
-                if (end == 0 .or. beyond(i, 3 - max(1, end)) /= 0) return
-                leg%link = beyond(i, end)
-                associate (joint => model%joint(step%joint(2*end - 1)))
-                    leg%point = joint%point(:, side_of(joint, leg%link))
-                end associate
+                ends = [beyond_leg(model, step, 1), beyond_leg(model, step, 2)]
+                end = findloc(ends == 0, .false., dim=1)
+                if (end == 0 .or. all(ends > 0)) return
+                leg%link = ends(end)
+                leg%point = point_on(model%joint(step%joint(2*end - 1)), leg%link)
                 leg%direction = direction_of_leg(model, step, 1)
                 if (is_against .neqv. end == 1) leg%direction = -leg%direction
                 leg%coordinate = pose_coordinates(model, leg%link)
                 if (any(leg%coordinate > 0)) leg%leg = number
             end associate
         end do
-
-    contains
-
-        !> The link that the leg's first half hangs on, or its second.
-        pure integer function beyond(i, half)
-            integer, intent(in) :: i, half
-
-            associate (joint => model%joint(model%step(i)%joint(2*half - 1)))
-                beyond = joint%link(3 - side_of(joint, model%step(i)%link(half)))
-            end associate
-        end function beyond
     end subroutine find_leg
 
     !> Coordinates that give the pose of a link; zeros if none do.

@@ -23,7 +23,7 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
         feels_shares
     public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
-    public :: turns_in_two, direction_of_leg
+    public :: turns_in_two, beyond_leg, direction_of_leg
     public :: n_hung_rod, base_of_hung, only_shifts
     public :: dyad_names, orientation_of, side_of, point_on, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, group_size, reach_of, counts_turns, most_turned
@@ -477,6 +477,17 @@ contains
 
         turns_in_two = model%joint(step%joint(3))%kind == joint_universal
     end function turns_in_two
+
+    !> The link on which a half of a leg hangs.
+    pure integer function beyond_leg(model, step, half) result(link)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer, intent(in) :: half                    !! 1 or 2
+
+        associate (joint => model%joint(step%joint(2*half - 1)))
+            link = joint%link(3 - side_of(joint, step%link(half)))
+        end associate
+    end function beyond_leg
 
     !> Along a leg from its first end to its last, axes of one of its halves.
     pure function direction_of_leg(model, step, half) result(direction)

@@ -14,7 +14,7 @@ module linkdyn_planner
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
         step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, side_of, link_freedom, place_size, &
-        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two
+        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
@@ -692,7 +692,7 @@ contains
         if (.not. is_straight_leg(model, step)) return
         model%n_leg = model%n_leg + 1
         step%first = model%n_leg
-        step%base_moves = sum(model%joint(step%joint(1))%link) > step%link(1)    ! none of the two is below zero
+        step%base_moves = beyond_leg(model, step, 1) > 0
         model%joint(step%joint(2))%leg = model%n_leg
         if (allocated(plan%stand)) then
             call note_ways(model, plan%stand, step)
