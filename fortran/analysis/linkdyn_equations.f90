@@ -587,7 +587,7 @@ contains
         type(equation_workspace), intent(in) :: workspace
         integer, intent(in) :: lane
 
-        force = norm2(model%gravity)*(sum(model%scene%link%mass) + sum(workspace%state%payload(lane, :)))
+        force = norm2(model%gravity)*(sum(model%link%mass) + sum(workspace%state%payload(lane, :)))
         force = max(force, maxval(abs(workspace%driving_force(lane, :))), maxval(abs(workspace%load(lane, :, :))))
     end function forces_at_work
 

@@ -53,50 +53,56 @@ contains
     !> do depends on its sign, which impulses give it: their responses are those `along` the impulses themselves.
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp
-        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, base, at_rest, away
-        real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes), factor(lanes, size(self%model%contact))
-        integer :: k, i, turn, n, n_turn
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: base, at_rest
+        real(wp) :: own(lanes, self%model%n_q), unit(lanes), factor(lanes, size(self%model%contact))
+        logical :: has_way
+        integer :: k, n
 
         n = size(factor, 2)
         factor = self%workspace%friction%factor(:, :n)
         if (is_impact) self%workspace%friction%factor(:, :n) = 0
+        has_way = present(along) .and. size(self%equations%lossy) > 0
         base = 0
-        n_turn = 2
-        unit = 1
-        if (present(along)) then
-            if (size(self%equations%lossy) > 0) call go_along()
-        end if
+        if (has_way) call set_out_along()
         response = 0
         of_coordinates = 0
         call accelerate(self, base, at_rest)
         own = self%workspace%acceleration
-        largest = maxval(abs(own), dim=2)
-        do k = 1, size(push, 2)
+        do k = 1, size(base, 2)
             if (.not. any(is_in_contact(:, k))) cycle
-            if (n_turn > 1) unit = 1
-            do turn = 1, n_turn
-                push = base
-                push(:, k) = push(:, k) + unit
-                call accelerate(self, push, away)
-                do i = 1, size(push, 2)
-                    response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
-                end do
-                do i = 1, self%model%n_q
-                    of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
-                end do
-                if (turn == n_turn) exit
-                unit = much*max(1.0_wp, largest)/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
+            if (.not. has_way) then
+                unit = 1
+                call measure()
+                unit = much*max(1.0_wp, maxval(abs(own), dim=2))/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
                 where (.not. unit <= huge(1.0_wp)) unit = 1
-            end do
+            end if
+            call measure()
         end do
         self%workspace%friction%factor(:, :n) = factor
 
     contains
 
+        !> What a unit more of push k changes.
+        subroutine measure()
+            real(wp), dimension(lanes, size(base, 2)) :: push, away
+            integer :: i
+
+            push = base
+            push(:, k) = push(:, k) + unit
+            call accelerate(self, push, away)
+            do i = 1, size(push, 2)
+                response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
+            end do
+            do i = 1, self%model%n_q
+                of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
+            end do
+        end subroutine measure
+
         !> A push beside which all other forces are nothing, and units that are a small part of it.
-        subroutine go_along()
+        subroutine set_out_along()
             real(wp), parameter :: part = 1.0e-3_wp, beyond_all = 1.0e8_wp
-            real(wp) :: size_of(lanes)
+            real(wp), dimension(lanes) :: size_of, largest
+            integer :: i
 
             size_of = maxval(abs(along), dim=2)
             largest = [(beyond_all*max(1.0_wp, forces_at_work(self%model, self%workspace, i)), i=1, lanes)]
@@ -105,8 +111,7 @@ contains
                 where (size_of > 0) base(:, i) = largest*(along(:, i)/max(size_of, tiny(1.0_wp)))
             end do
             unit = part*largest
-            n_turn = 1
-        end subroutine go_along
+        end subroutine set_out_along
     end procedure find_responses
 
     !> Only what transmissions lose depends on the way impulses go.

@@ -228,9 +228,8 @@ contains
 
         n = size(impulse, 2)
         all(:, :n) = impulse
-        all(:, n + 1:) = 0
-        do i = 1, n
-            all(:, n + 1:) = all(:, n + 1:) + of_held(:, :, i)*spread(impulse(:, i), 2, size(of_held, 2))
+        do i = 1, size(of_held, 2)
+            all(:, n + i) = sum(of_held(:, i, :)*impulse, dim=2)
         end do
     end function all_impulses
 

@@ -135,12 +135,12 @@ contains
             open = maxval(maxval(abs(now(:n, :) - along(:n, :)), dim=2)/close)
             last = maxval(maxval(abs(term(:n, table%n:)), dim=2)/close)
             along = now
-            self%term = term(:n, :)
             if (.not. open <= huge(open)) return
             if (iteration > 1 .and. open*min(1.0_wp, open/before) <= max(1.0_wp, last)) exit
             if (iteration > 2 .and. .not. will_end(iteration, open, open/before)) return
             before = open
         end do
+        self%term = term(:n, :)
         wants_more = last > 1
         self%is_there = iteration <= most_iterations .and. last <= 1 .and. all(abs(lacks) <= unexpected*allowed)
     end subroutine iterate

@@ -9,7 +9,7 @@ module linkdyn_alike_models
     use linkdyn_joint_table, only: joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker, of_stance
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_scene, only: scene_type, law_over, pulls_in_line, n_stop, n_clutch, marker_at, marker_axes_at
     use linkdyn_step_part, only: letters_of, bits_of, curve_text
@@ -204,7 +204,8 @@ contains
         end do
         do i = 1, size(model%step)
             k = at%stance(i)
-            if (k > 0) varies(k:k + 8) = varies(k:k + 8) .and. abs(number(k:k + 8)) /= 1
+            last = k + of_stance - 1
+            if (k > 0) varies(k:last) = varies(k:last) .and. abs(number(k:last)) /= 1
         end do
         pattern = letters_of(number, varies)
         varying = pack([(k, k=1, at%n)], varies)

@@ -8,7 +8,7 @@ module linkdyn_numbers
     private
     public :: number_places, place_numbers, collect_numbers, numbers_of
 
-    public :: of_marker, of_drive
+    public :: of_marker, of_drive, of_stance
     public :: to_cog, to_inertia, to_frame, to_told_frame, to_couple, to_push, to_pitch_point, to_line, to_lever, to_strand, &
         to_total, to_weight, to_spring_point
 

@@ -9,7 +9,7 @@ module linkdyn_step_part
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, group_type, led_type, step_group, step_joint, step_parts, step_ups, is_dyad, &
         gives_attitude, leads_within, orientation_of, turns_in_two
-    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers, to_frame, of_marker, of_stance
     use linkdyn_scene, only: cam_spec, coordinate_joint, coordinate_pose
     use linkdyn_text, only: listed
     implicit none (type, external)
@@ -308,7 +308,8 @@ contains
         end do
         do i = 1, size(part%model%step)
             k = at%stance(i)
-            if (k > 0) part%varies(k:k + 8) = part%number(k:k + 8) /= 0 .and. abs(part%number(k:k + 8)) /= 1
+            last = k + of_stance - 1
+            if (k > 0) part%varies(k:last) = part%number(k:last) /= 0 .and. abs(part%number(k:last)) /= 1
         end do
         do i = 1, part%model%n_q
             associate (c => part%model%scene%coordinate(i))
