@@ -44,6 +44,7 @@ ATTITUDE_WIDTH = 10
 """Numbers of an attitude: w x y z, angular velocity, angular acceleration."""
 
 Floats = NDArray[np.float64]
+Inputs = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
 def version() -> str:
@@ -102,7 +103,7 @@ def check(code: int, message: bytes, bad_input: type[LinkdynError] = InputError)
     raise bad_input(text) if code == BAD_INPUT else _ERRORS.get(code, LinkdynError)(text)
 
 
-def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
+def _listen(procedure: Any, *arguments: Any) -> list[Any]:
     """Call a procedure that may take long: a signal such as Ctrl-C ends it within a fraction of a second.
 
     Python's own handler runs as soon as the call is back, and usually raises. If it does not, the program wants to go on, and
@@ -110,7 +111,7 @@ def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
     """
     results: list[Any]
     while True:
-        *results, code, message = procedure(*arguments, **named)
+        *results, code, message = procedure(*arguments)
         if code != INTERRUPTED:
             check(code, message)
             return results
@@ -382,7 +383,7 @@ class Inverse:
         threads: int,
         first: int,
         in_order: bool,
-        inputs: tuple[Floats, Floats, Floats, Floats, Floats, Floats],
+        inputs: Inputs,
         outputs: dict[str, NDArray[Any]],
     ) -> tuple[NDArray[np.intc], int, int, str]:
         """Some samples, into the arrays given.
@@ -408,11 +409,13 @@ class Inverse:
         lost, why
             The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
         """
-        settings = (self._handle, self._solver, threads, first, int(in_order))
         places = self._nowhere.copy()
         for place, name in self._places:
             places[place] = _address(outputs[name])
-        roads, passed, lost, why = _listen(_api.api_inverse, *settings, places, *map(_flat, inputs), outputs["status"])
+        rows = [array.reshape(-1) if array.size else _NOTHING for array in inputs]  # as `_flat` does
+        roads, passed, lost, why = _listen(
+            _api.api_inverse, self._handle, self._solver, threads, first, in_order, places, *rows, outputs["status"]
+        )
         return roads, passed, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
 
 

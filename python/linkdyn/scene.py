@@ -8,7 +8,7 @@ import os
 import tomllib
 import weakref
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -1104,28 +1104,22 @@ class Scene:
     ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], int, str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
-        Results by name, the roads that samples took, the change points passed on their way, and why the first sample was lost that was: its assembly along a motion,
-        or a joint that friction locks.
+        Results by name, the roads that samples took, the change points passed on their way, and why the first sample was lost that was:
+        its assembly along a motion, or a joint that friction locks.
         """
         n, threads = len(given["q"]), as_count("threads", threads)
         _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
-        t = given.get("time", t)
         # A motion that may change its assembly on the way is one piece.
-        length = max(1, n) if in_order else BLOCK
-        roads, failure, passed = np.zeros(3, dtype=np.intc), "", 0
-        for first in range(0, n, length):
-            block = slice(first, min(first + length, n))
-            loads = _spread(load, list(wrench.values()), block)
-            turned = _bind.NO_ATTITUDE if attitude is None or attitude.ndim == 1 else attitude[block]
-            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block], turned)
-            places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
+        pieces = _pieces(max(1, n) if in_order else BLOCK, given, load, list(wrench.values()), given.get("time", t), attitude, outputs)
+        roads, failure, passed = None, "", 0
+        for first, inputs, places in pieces:
             taken, passed, lost, why = job.engine.run(threads, first, in_order, inputs, places)
-            roads += taken
+            roads = taken if roads is None else roads + taken
             if lost and not failure:
                 place = f"t = {given['time'][first + lost - 1]:.6g} s" if "time" in given else f"sample {first + lost - 1}"
                 failure = f"{place}: {why}"
-        return outputs, roads, passed, failure
+        return outputs, np.zeros(3, dtype=np.intc) if roads is None else roads, passed, failure
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
@@ -1190,6 +1184,29 @@ class Scene:
         full = np.zeros((len(array), _bind.LOAD_WIDTH))
         full[:, [0, 1, 5]] = array
         return full
+
+
+def _pieces(
+    length: int,
+    given: dict[str, NDArray[np.float64]],
+    load: NDArray[np.float64],
+    extra: list[NDArray[np.float64]],
+    t: NDArray[np.float64],
+    attitude: NDArray[np.float64] | None,
+    outputs: dict[str, NDArray[Any]],
+) -> Iterator[tuple[int, _bind.Inputs, dict[str, NDArray[Any]]]]:
+    """A batch in pieces of so many samples: the first sample's number, inputs and places of the results."""
+    n = len(given["q"])
+    turned = _bind.NO_ATTITUDE if attitude is None or attitude.ndim == 1 else attitude
+    if 0 < n <= length:  # slices would take as long as a pose
+        yield 0, (given["q"], given["qd"], given["qdd"], _spread(load, extra, slice(0, n)), t, turned), outputs
+        return
+    for first in range(0, n, length):
+        block = slice(first, min(first + length, n))
+        q, qd, qdd = given["q"][block], given["qd"][block], given["qdd"][block]
+        at, turned_here = t if len(t) == 1 else t[block], turned if turned.ndim == 1 else turned[block]
+        places = {name: values[block] for name, values in outputs.items()}
+        yield first, (q, qd, qdd, _spread(load, extra, block), at, turned_here), places
 
 
 def _spread(load: NDArray[np.float64], extra: list[NDArray[np.float64]], block: slice) -> NDArray[np.float64]:
