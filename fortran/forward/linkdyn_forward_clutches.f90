@@ -8,6 +8,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_clutches
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, rates_held, slips, speed_of_sides, push_coordinates, still_rates
     use linkdyn_impacts, only: find_locking
+    use linkdyn_impulse_path, only: begin_path, most_trials, same_way, no_way
     use linkdyn_measures, only: find_kept
     use linkdyn_motor_laws, only: is_on
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -164,6 +165,7 @@ contains
         call decide(self, t, y, is_concerned, is_free, must_slip, positive)
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
+            if (self%way%is_jammed(lane)) y(lane, :) = y_before(lane, :)
             self%way%clutch%longest(lane) = 0
             do i = 1, size(locks, 2)
                 associate (e => self%model%scene%clutch(i)%event)
@@ -307,12 +309,13 @@ contains
         real(wp), intent(out) :: loss(lanes)           !! of energy [J]
         logical, intent(out) :: opens(:, :)            !! nothing rests there any more (lane, n_stop)
         real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
-        real(wp), dimension(lanes, n_held(self%model)) :: before, after, push, along
+        real(wp), dimension(lanes, n_held(self%model)) :: before, after, push
         real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
-        real(wp), dimension(lanes) :: energy_before, energy_after, kinetic
+        real(wp), dimension(lanes) :: energy_before, energy_after, kinetic, change
         logical, dimension(lanes, n_held(self%model)) :: takes_part, is_lock, leaves, gives_way
-        logical :: has_locked(lanes), failed(lanes)
+        logical, dimension(lanes) :: has_locked, failed, jams
+        type(impulse_path) :: path
         integer :: lane, i, n, trial
 
         n = n_stop(self%model%scene)
@@ -325,16 +328,26 @@ contains
         call self%look_closely(t, y)
         call energy_of_motion(self%model, self%look, energy_before, kinetic)
         before = rates_held(self%model, self%look, level_velocity)
-        along = merge(-before, 0.0_wp, is_lock)
+        call begin_path(merge(-before, 0.0_wp, is_lock), motor_rates(self), path)
         do trial = 1, most_trials
-            call find_responses(self, takes_part, .true., response, of_coordinates, along)
+            call find_responses(self, takes_part, .true., response, of_coordinates, path)
             do lane = 1, lanes
                 call find_locking(response(lane, :, :), is_lock(lane, :), takes_part(lane, :) .and. .not. is_lock(lane, :), &
                                   before(lane, :), self%way%stops%hardest(lane), push(lane, :), leaves(lane, :), &
                                   gives_way(lane, :))
             end do
-            if (goes_along(self, has_locked, push, along)) exit
+            change = 0
+            if (size(self%equations%lossy) > 0) change = path%follow(has_locked, push)
+            if (all(change <= same_way)) exit
         end do
+        jams = has_locked .and. size(self%equations%lossy) > 0 &
+               .and. (path%jams .or. change > no_way .or. .not. sum(push*before, dim=2) <= 0)
+        self%way%is_jammed = self%way%is_jammed .or. jams
+        where (spread(jams, 2, size(push, 2)))
+            push = 0
+            leaves = .false.
+            gives_way = .false.
+        end where
         call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
         impulse = push(:, n + 1:)
         opens = leaves(:, :n)
@@ -342,6 +355,7 @@ contains
         after = rates_held(self%model, self%look, level_velocity)
         call energy_of_motion(self%model, self%look, energy_after, kinetic)
         loss = -sum(push*(before + after), dim=2)/2
+        if (size(self%equations%lossy) > 0) loss = loss + path%loss_beside_mean(push)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         if (any(self%layout%rate(:self%model%n_q) == 0)) &
             call count_drives_work(self%layout, has_locked, energy_after - energy_before, loss, y)

@@ -12,7 +12,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_held_variables, only: n_held, measure_held, accelerations_with, slips, led_by, still_coordinates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_slip_parts, only: list_held
-    use linkdyn_status, only: sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_not_converged
     implicit none (type, external)
 
 contains
@@ -50,86 +50,131 @@ contains
     !> difference.
     !>
     !> Of impulses there are no other forces, and joints do not rub by them. Transmissions lose of what they transmit, and how they
-    !> do depends on its sign, which impulses give it: their responses are those `along` the impulses themselves.
+    !> do depends on its sign, which impulses give it, and on how motors turn meanwhile: their responses are those along the `path`
+    !> of the impulses themselves, which is told of them.
     module procedure find_responses
         real(wp), parameter :: much = 1.0e4_wp
         real(wp), dimension(lanes, size(is_in_contact, 2)) :: base, at_rest
-        real(wp) :: own(lanes, self%model%n_q), unit(lanes), factor(lanes, size(self%model%contact))
-        logical :: has_way
-        integer :: k, n
+        real(wp) :: own(lanes, self%model%n_q), unit(lanes), factor(lanes, size(self%workspace%friction%factor, 2)), part(lanes)
+        real(wp), dimension(lanes, size(self%equations%lossy)) :: sense, of_motor
+        logical :: has_path
+        integer :: k, phase
 
-        n = size(factor, 2)
-        factor = self%workspace%friction%factor(:, :n)
-        if (is_impact) self%workspace%friction%factor(:, :n) = 0
-        has_way = present(along) .and. size(self%equations%lossy) > 0
+        factor = self%workspace%friction%factor
+        if (is_impact) self%workspace%friction%factor(:, :size(self%model%contact)) = 0
+        has_path = .false.
+        if (present(path)) has_path = size(self%equations%lossy) > 0
         base = 0
-        if (has_way) call set_out_along()
+        part = 1
         response = 0
         of_coordinates = 0
-        call accelerate(self, base, at_rest)
-        own = self%workspace%acceleration
-        do k = 1, size(base, 2)
-            if (.not. any(is_in_contact(:, k))) cycle
-            if (.not. has_way) then
-                unit = 1
-                call measure()
-                unit = much*max(1.0_wp, maxval(abs(own), dim=2))/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
-                where (.not. unit <= huge(1.0_wp)) unit = 1
-            end if
-            call measure()
-        end do
-        self%workspace%friction%factor(:, :n) = factor
+        if (has_path) then
+            sense = self%workspace%sense
+            self%workspace%friction%factor(:, size(self%model%contact) + 1:) = 1
+            path%jams = .false.
+            call set_out_along()
+            do phase = 1, path%n_phase()
+                if (.not. path%is_used(phase)) cycle
+                part = path%part_of_phase(phase)
+                self%workspace%sense = path%sense_in_phase(phase)
+                self%workspace%friction%has_slope = .false.
+                call measure_all()
+            end do
+            self%workspace%sense = sense
+            self%workspace%friction%has_slope = .false.
+        else
+            call measure_all()
+        end if
+        self%workspace%friction%factor = factor
 
     contains
 
+        !> Responses, or those of a phase, to each push.
+        subroutine measure_all()
+            call accelerate(self, base, at_rest)
+            own = self%workspace%acceleration
+            if (has_path) then
+                of_motor = motor_accelerations(self)
+                path%jams = path%jams .or. (part > 0 .and. self%workspace%status /= sample_ok .and. any(is_in_contact, dim=2))
+            end if
+            do k = 1, size(base, 2)
+                if (.not. any(is_in_contact(:, k))) cycle
+                if (.not. has_path) unit = much*max(1.0_wp, maxval(abs(own), dim=2))/unit_answer()
+                where (.not. unit <= huge(1.0_wp)) unit = 1
+                call measure(unit)
+            end do
+        end subroutine measure_all
+
+        !> How much a push of one changes, at the most.
+        function unit_answer() result(change)
+            real(wp) :: change(lanes), away(lanes, size(base, 2)), push(lanes, size(base, 2))
+
+            push = base
+            push(:, k) = push(:, k) + 1
+            call accelerate(self, push, away)
+            change = max(maxval(abs(self%workspace%acceleration - own), dim=2), tiny(1.0_wp))
+        end function unit_answer
+
         !> What a unit more of push k changes.
-        subroutine measure()
+        subroutine measure(unit)
+            real(wp), intent(in) :: unit(lanes)
             real(wp), dimension(lanes, size(base, 2)) :: push, away
             integer :: i
 
             push = base
             push(:, k) = push(:, k) + unit
             call accelerate(self, push, away)
+            if (has_path) then
+                path%gain(:, :, k, phase) = (motor_accelerations(self) - of_motor)/spread(unit, 2, size(of_motor, 2))
+                path%response(:, :, k, phase) = (away - at_rest)/spread(unit, 2, size(away, 2))
+            end if
             do i = 1, size(push, 2)
-                response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
+                response(:, i, k) = response(:, i, k) + part*((away(:, i) - at_rest(:, i))/unit)
             end do
             do i = 1, self%model%n_q
-                of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
+                of_coordinates(:, i, k) = of_coordinates(:, i, k) + part*((self%workspace%acceleration(:, i) - own(:, i))/unit)
             end do
         end subroutine measure
 
         !> A push beside which all other forces are nothing, and units that are a small part of it.
         subroutine set_out_along()
-            real(wp), parameter :: part = 1.0e-3_wp, beyond_all = 1.0e8_wp
+            real(wp), parameter :: of_all = 1.0e-3_wp, beyond_all = 1.0e8_wp
             real(wp), dimension(lanes) :: size_of, largest
             integer :: i
 
-            size_of = maxval(abs(along), dim=2)
+            size_of = maxval(abs(path%along), dim=2)
             largest = [(beyond_all*max(1.0_wp, forces_at_work(self%model, self%workspace, i)), i=1, lanes)]
             where (.not. largest <= huge(1.0_wp)) largest = beyond_all
             do i = 1, size(base, 2)
-                where (size_of > 0) base(:, i) = largest*(along(:, i)/max(size_of, tiny(1.0_wp)))
+                where (size_of > 0) base(:, i) = largest*(path%along(:, i)/max(size_of, tiny(1.0_wp)))
             end do
-            unit = part*largest
+            unit = of_all*largest
         end subroutine set_out_along
     end procedure find_responses
 
-    !> Only what transmissions lose depends on the way impulses go.
-    module procedure goes_along
-        real(wp), parameter :: same = 1.0e-10_wp
-        real(wp) :: way(size(impulse, 2)), way_before(size(impulse, 2))
-        integer :: lane
+    !> Of the joint variables of motors whose transmissions lose: rotors take what they give and do not transmit. Where there is no
+    !> rotor nothing of an impulse is transmitted.
+    function motor_accelerations(self) result(acceleration)
+        class(forward_system), intent(in) :: self
+        real(wp) :: acceleration(lanes, size(self%equations%lossy))
+        integer :: i
 
-        goes_along = .true.
-        if (size(self%equations%lossy) == 0) return
-        do lane = 1, lanes
-            if (.not. is_struck(lane)) cycle
-            way = impulse(lane, :)/max(maxval(abs(impulse(lane, :))), tiny(1.0_wp))
-            way_before = along(lane, :)/max(maxval(abs(along(lane, :))), tiny(1.0_wp))
-            if (any(abs(way - way_before) > same)) goes_along = .false.
+        acceleration = 0
+        do i = 1, size(self%equations%lossy)
+            associate (motor => self%model%motor(self%equations%lossy(i)))
+                if (motor%inertia > 0) acceleration(:, i) = (self%workspace%driving_force(:, motor%actuator) &
+                                                             - self%workspace%transmitted(:, motor%actuator))/motor%inertia
+            end associate
         end do
-        along = impulse
-    end procedure goes_along
+    end function motor_accelerations
+
+    !> Rates of these joint variables.
+    module procedure motor_rates
+        integer :: i
+
+        rate = reshape([(self%workspace%driving_rate(:, self%model%motor(self%equations%lossy(i))%actuator), &
+                         i=1, size(self%equations%lossy))], shape(rate))
+    end procedure motor_rates
 
     !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations
     !> in the workspace become those with it.

@@ -6,6 +6,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_stops
     use linkdyn_followed_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, away_from_stops, slips, push_coordinates, still_rates
     use linkdyn_impacts, only: find_impacts, find_resting
+    use linkdyn_impulse_path, only: begin_path, most_trials, same_way, no_way
     use linkdyn_measures, only: find_events
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_slip_parts, only: goes_with_others, slip_speeds, slip_senses
@@ -59,9 +60,11 @@ contains
 
         !> Impulses, and the responses to them along which they go.
         subroutine find_impulses()
-            real(wp), dimension(lanes, size(before, 2)) :: speed, fastest
+            real(wp), dimension(lanes, size(before, 2)) :: speed, fastest, ratio
             real(wp) :: of_held(lanes, n_clutch(self%model%scene), size(before, 2))
-            real(wp) :: along(lanes, n_held(self%model)), hardest(lanes)
+            real(wp) :: along(lanes, n_held(self%model)), hardest(lanes), change_of_path(lanes)
+            type(impulse_path) :: path
+            logical :: jams(lanes), has_given_up
             integer :: trial
 
             speed = before
@@ -69,20 +72,46 @@ contains
             hardest = self%way%stops%hardest
             along = 0
             along(:, :size(before, 2)) = merge(1.0_wp, 0.0_wp, strikes)
+            ratio = spread(self%model%scene%stop%restitution, 1, lanes)
+            call begin_path(along, motor_rates(self), path)
             do trial = 1, most_trials
                 before = speed
                 self%way%stops%fastest = fastest
                 self%way%stops%hardest = hardest
-                call find_stop_responses(self, touches, along, response, of_coordinates, of_held)
+                call find_stop_responses(self, touches, path, response, of_coordinates, of_held)
                 call find_idle(self, touches, before, response, is_idle)
                 where (is_idle) before = 0
-                call throw_back()
-                if (goes_along(self, is_struck, all_impulses(impulse, of_held), along)) exit
+                call throw_back(ratio)
+                if (size(self%equations%lossy) == 0) return
+                call path%let_rest(is_struck, ratio, has_given_up)
+                if (has_given_up) cycle
+                change_of_path = path%follow(is_struck, all_impulses(impulse, of_held))
+                if (any(change_of_path > same_way)) cycle
+                call path%throw_back(before, self%model%scene%stop%restitution, ratio, change_of_path)
+                if (all(change_of_path <= same_way)) exit
             end do
+            loss = loss + path%loss_beside_mean(path%along)
+            jams = path%jams .or. change_of_path > no_way
+            do i = 1, size(before, 2)
+                jams = jams .or. (touches(:, i) .and. .not. response(:, i, i) >= 0)
+            end do
+            jams = jams .and. is_struck
+            do i = 1, size(before, 2)
+                where (jams)
+                    impulse(:, i) = 0
+                    after(:, i) = before(:, i)
+                end where
+                where (jams .and. strikes(:, i)) self%way%final_event = self%model%scene%stop(i)%event
+            end do
+            where (jams) loss = 0
+            self%way%is_driven_through = self%way%is_driven_through .or. jams
+            self%way%is_jammed = self%way%is_jammed .or. jams
         end subroutine find_impulses
 
         !> Impulses, lane by lane.
-        subroutine throw_back()
+        subroutine throw_back(ratio)
+            real(wp), intent(in) :: ratio(:, :)        !! of speeds behind and before (lane, n_stop)
+
             after = before
             impulse = 0
             loss = 0
@@ -90,7 +119,7 @@ contains
             is_closed = .false.
             do lane = 1, lanes
                 if (.not. is_struck(lane)) cycle
-                call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
+                call find_impacts(response(lane, :, :), ratio(lane, :), touches(lane, :), strikes(lane, :), &
                                   self%way%stops%fastest(lane, :), self%way%stops%hardest(lane), after(lane, :), impulse(lane, :), &
                                   has_struck(lane, :), is_closed(lane, :), loss(lane))
             end do
@@ -187,10 +216,10 @@ contains
     end subroutine change_rests
 
     !> What a unit push of each stop in contact gives at stops and coordinates while clutches without capacity hold what they hold.
-    subroutine find_stop_responses(self, touches, along, response, of_coordinates, of_held)
+    subroutine find_stop_responses(self, touches, path, response, of_coordinates, of_held)
         class(forward_system), intent(inout) :: self
         logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
-        real(wp), intent(in) :: along(:, :)            !! impulses, of any size (lane, n_held)
+        type(impulse_path), intent(inout) :: path
         real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
         real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
         real(wp), intent(out) :: of_held(:, :, :)      !! impulses of these clutches (lane, n_clutch, by stop)
@@ -205,7 +234,7 @@ contains
         takes_part(:, :n) = touches
         takes_part(:, n + 1:) = self%way%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
                                 .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
-        call find_responses(self, takes_part, .true., of_all, coordinates_by_all, along)
+        call find_responses(self, takes_part, .true., of_all, coordinates_by_all, path)
         of_held = 0
         do lane = 1, lanes
             held = pack([(i, i=n + 1, n_held(self%model))], takes_part(lane, n + 1:))

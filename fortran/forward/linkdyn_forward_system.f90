@@ -40,6 +40,7 @@ module linkdyn_forward_system
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
     use linkdyn_forward_way, only: forward_way
     use linkdyn_held_variables, only: held_accelerations
+    use linkdyn_impulse_path, only: impulse_path
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -64,7 +65,6 @@ module linkdyn_forward_system
     private
     public :: forward_system, forward_memory, standing_lanes, build_forward_system
 
-    integer, parameter :: most_trials = 8              !! of ways that impulses go
 
     !> Where states that are evaluated later set out from, a state a lane.
     type :: standing_lanes
@@ -343,22 +343,20 @@ module linkdyn_forward_system
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, along)
+        module subroutine find_responses(self, is_in_contact, is_impact, response, of_coordinates, path)
             class(forward_system), intent(inout) :: self
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             logical, intent(in) :: is_impact               !! they are impulses: joints do not rub by them
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
-            real(wp), intent(in), optional :: along(:, :)  !! impulses, of any size (lane, n_stop + n_clutch)
+            type(impulse_path), intent(inout), optional :: path
         end subroutine find_responses
 
-        !> Are impulses those along which their responses were found? If not, these are to be found once more, along them.
-        module logical function goes_along(self, is_struck, impulse, along)
+        !> Rates of the joint variables of motors whose transmissions lose.
+        module function motor_rates(self) result(rate)
             class(forward_system), intent(in) :: self
-            logical, intent(in) :: is_struck(lanes)
-            real(wp), intent(in) :: impulse(:, :)          !! (lane, n_stop + n_clutch)
-            real(wp), intent(inout) :: along(:, :)         !! of any size; then the impulses (lane, n_stop + n_clutch)
-        end function goes_along
+            real(wp) :: rate(lanes, size(self%equations%lossy))
+        end function motor_rates
 
         module subroutine hold_variables(self, t)
             class(forward_system), intent(inout) :: self

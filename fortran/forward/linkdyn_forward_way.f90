@@ -30,7 +30,8 @@ module linkdyn_forward_way
         type(followed_angles) :: angles                !! that events look at
         type(event_log) :: log
         integer :: final_event(lanes) = 0              !! that ended the run; 0: none
-        logical :: is_driven_through(lanes) = .false.  !! it is a stop that cannot hold: what strikes it is driven
+        logical :: is_driven_through(lanes) = .false.  !! it is a stop that cannot hold: what strikes it is driven,
+        logical :: is_jammed(lanes) = .false.          !! or jams: for what transmissions lose nothing gives way
         ! ---- what becomes of steps
         type(energy_check) :: energy
         type(bounce_watch) :: bounce                   !! on coordinates that are no state

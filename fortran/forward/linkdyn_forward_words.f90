@@ -111,7 +111,7 @@ contains
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%way%final_event(1))%name)
         else if (run%system%way%is_driven_through(1)) then
-            reason = reason//driven_through_in_words(run%own, run%system%way%final_event(1))
+            reason = reason//driven_through_in_words(run%own, run%system%way%final_event(1), run%system%way%is_jammed(1))
         else if (driven_out /= "") then
             reason = reason//driven_out
         else if (run%dead_coordinate > 0) then
@@ -180,12 +180,19 @@ contains
     end subroutine tell_stop
 
     !> What is driven, or held, against an impulse.
-    function driven_through_in_words(model, event) result(text)
+    function driven_through_in_words(model, event, is_jammed) result(text)
         type(model_type), intent(in) :: model
         integer, intent(in) :: event                   !! of the stop or clutch that could not give it
+        logical, intent(in) :: is_jammed               !! by what transmissions lose
         character(len=:), allocatable :: text
 
-        if (model%scene%event(event)%clutch > 0) then
+        if (is_jammed) then
+            text = "what transmissions lose jams the mechanism where "
+            if (model%scene%event(event)%clutch > 0) text = text//"clutch "
+            if (model%scene%event(event)%clutch == 0) text = text//"stop "
+            text = text//quoted(model%scene%event(event)%name)//" acts: nothing gives way to its impulse " &
+                   //"(expected more 'rotor_inertia', or a higher 'back_efficiency')"
+        else if (model%scene%event(event)%clutch > 0) then
             text = "nothing that clutch "//quoted(model%scene%event(event)%name) &
                    //" could join moves freely: both of its sides are driven, or held"
         else

@@ -324,7 +324,8 @@ contains
                 if (self%system%watch%variable(stalled) == 0) &
                     why = "coordinate "//quoted(self%model%scene%coordinate(stalled)%name)//no_stand_in
             end if
-            if (self%system%way%is_driven_through(1)) why = driven_through_in_words(self%model, self%system%way%final_event(1))
+            if (self%system%way%is_driven_through(1)) &
+                why = driven_through_in_words(self%model, self%system%way%final_event(1), self%system%way%is_jammed(1))
         end select
         call fail(status, status_bad_input, "the simulation cannot go on beyond t = "//to_text(self%integrator%good_until(1)) &
                   //" s: "//why)
