@@ -43,6 +43,7 @@ module linkdyn_group_start
         integer :: n = 0
         logical :: apart_by_lines = .false.                !! only those are listed whose joints lie on other lines
         real(wp), allocatable :: place(:, :, :)            !! of each (place_size, n_link, assembly)
+        real(wp), allocatable :: distance(:, :)            !! of each: given, others (2, assembly)
         real(wp), allocatable :: nearest(:, :)             !! of the nearest; while there is none, where the first attempt that
                                                            !! closes what is not let go has come to
         logical :: any_closed = .false.                    !! has one?
@@ -53,9 +54,10 @@ module linkdyn_group_start
 contains
 
     !> Leave the group closed on every lane of the state; flagged `not_converged` if no attempt succeeds.
-    subroutine find_group_start(model, step, state, n_found)
+    subroutine find_group_start(model, step, passed_over, state, n_found)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
+        integer, intent(in) :: passed_over                 !! nearer ones that will not do
         type(kinematic_state), intent(inout) :: state      !! the steps before have been run, all lanes alike
         integer, intent(out) :: n_found                    !! assemblies among which there was the choice; 0: not looked for
         type(found_assemblies) :: found
@@ -85,6 +87,7 @@ contains
         n_found = merge(0, found%n, is_known)
         ! What is let go may hold links that are placed later, or fit with another branch of the steps before: who has placed all
         ! will see.
+        if (passed_over > 0) call pass_over(found, passed_over)
         if (found%any_closed) then
             state%group%place = spread(found%nearest, 1, lanes)
             call clear_flags(state)
@@ -93,6 +96,33 @@ contains
             state%not_converged = .true.
         end if
     end subroutine find_group_start
+
+    !> The nearest of those that are left when so many nearer ones are not.
+    pure subroutine pass_over(found, passed_over)
+        type(found_assemblies), intent(inout) :: found
+        integer, intent(in) :: passed_over
+        logical :: is_left(found%n)
+        type(start_distance) :: distance
+        integer :: turn, i, best
+
+        is_left = .true.
+        do turn = 0, min(passed_over, found%n - 1)
+            best = 0
+            found%given = huge(1.0_wp)
+            found%others = huge(1.0_wp)
+            do i = 1, found%n
+                if (.not. is_left(i)) cycle
+                distance%given = found%distance(1, i)
+                distance%others = found%distance(2, i)
+                if (best > 0 .and. .not. is_nearer(distance, 1, found%given, found%others)) cycle
+                best = i
+                found%given = found%distance(1, i)
+                found%others = found%distance(2, i)
+            end do
+            is_left(best) = .false.
+            found%nearest = found%place(:, :, best)
+        end do
+    end subroutine pass_over
 
     !> All assemblies of a group: attempts go on until those that found none number several times those before. Assemblies that
     !> differ by links turned about their own lines alone, as legs are between a universal joint and a ball, count as one.
@@ -133,7 +163,10 @@ contains
         integer :: lent                                 ! of the lock of texts
 
         lent = lend_texts()
-        if (.not. allocated(found%place)) found%place = start(:, :, :0)
+        if (.not. allocated(found%place)) then
+            found%place = start(:, :, :0)
+            allocate (found%distance(2, 0))
+        end if
         place = start
         call close_attempts(model, g, place, state, has_arrived)
         if (any(has_arrived) .and. .not. found%any_closed) found%nearest = place(:, :, findloc(has_arrived, .true., dim=1))
@@ -192,7 +225,8 @@ contains
             distance = measure_distance(model, group%link, group%joint, state, .false.)
             do lane = 1, size(place, 3)
                 if (.not. (has_arrived(lane) .and. fits(lane))) cycle
-                if (is_new(model, group, place(:, :, lane), found)) call add(place(:, :, lane))
+                if (is_new(model, group, place(:, :, lane), found)) &
+                    call add(place(:, :, lane), [distance%given(lane), distance%others(lane)])
                 if (.not. is_nearer(distance, lane, found%given, found%others)) cycle
                 found%given = distance%given(lane)
                 found%others = distance%others(lane)
@@ -202,17 +236,20 @@ contains
 
     contains
 
-        subroutine add(new)
-            real(wp), intent(in) :: new(:, :)
-            real(wp), allocatable :: more(:, :, :)
+        subroutine add(new, apart)
+            real(wp), intent(in) :: new(:, :), apart(2)
+            real(wp), allocatable :: more(:, :, :), farther(:, :)
 
             if (found%n == size(found%place, 3)) then
-                allocate (more(size(new, 1), size(new, 2), 2*found%n + 4))
+                allocate (more(size(new, 1), size(new, 2), 2*found%n + 4), farther(2, 2*found%n + 4))
                 more(:, :, :found%n) = found%place
+                farther(:, :found%n) = found%distance
                 call move_alloc(more, found%place)
+                call move_alloc(farther, found%distance)
             end if
             found%n = found%n + 1
             found%place(:, :, found%n) = new
+            found%distance(:, found%n) = apart
         end subroutine add
     end subroutine note_assemblies
 

@@ -4,11 +4,12 @@
 !> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
 !> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1; with a slide inside the dyad that
 !> leads, whose links are seldom drawn as they stand, the assembly nearest to joint variables of zero, as of larger groups.
+!> Where loops behind do not close then, the next nearest (`linkdyn_start_choices`).
 module linkdyn_planar_start
     use linkdyn_constants, only: pi
     use linkdyn_group_start, only: find_group_start, take_group_start
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: run_step
+    use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
@@ -16,13 +17,27 @@ module linkdyn_planar_start
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: joint_prismatic
+    use linkdyn_start_choices, only: start_choices, begin_choices, most_passes
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, to_text
     use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, start_group
+    public :: assemble_start, place_all, start_group
+
+    abstract interface
+        !> Place the links of a step of the plan, in the nearest of its ways that are not passed over.
+        subroutine place_one(model, i, choices, state, status, like)
+            import :: model_type, start_choices, kinematic_state, status_type
+            type(model_type), intent(inout) :: model
+            integer, intent(in) :: i
+            type(start_choices), intent(inout) :: choices
+            type(kinematic_state), intent(inout) :: state
+            type(status_type), intent(inout) :: status
+            type(model_type), intent(in), optional :: like
+        end subroutine place_one
+    end interface
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
@@ -34,17 +49,12 @@ contains
         type(status_type), intent(inout) :: status
         type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         type(kinematic_state) :: state
-        integer :: i, k
+        integer :: k
 
         if (.not. status%is_ok() .or. .not. model%is_planar) return
         allocate (model%start_q(model%n_q), model%branch(model%n_dyad), model%chosen_by(model%n_dyad))
-        model%branch = 1
-        model%chosen_by = by_nothing
         do k = 1, model%n_q
             model%start_q(k) = start_of_coordinate(model%scene, k)
-        end do
-        do i = 1, size(model%group)
-            model%group(i)%start = 0
         end do
         call prepare_kinematics(model, 0, state)
         do k = 1, model%n_q
@@ -52,54 +62,120 @@ contains
         end do
         state%qd = 0
         state%qdd = 0
-        do i = 1, size(model%step)
-            associate (step => model%step(i))
-                if (is_dyad(step%kind)) call choose_branch(model, step, state, status)
-                if (step%kind == step_group) then
-                    call start_group(model, step, state, status, like)
-                else
-                    call run_step(model, step, state)
-                end if
-            end associate
-            if (.not. status%is_ok()) return
-        end do
+        call place_all(model, state, by_nothing, place_planar_step, status, like)
     end subroutine assemble_start
+
+    !> Steps, each in the nearest of its ways with which those behind it close; without any such, in the nearest of all.
+    subroutine place_all(model, state, by_default, place_step, status, like)
+        type(model_type), intent(inout) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer, intent(in) :: by_default                  !! what chooses branches if nothing speaks: one of `by_*`
+        procedure(place_one) :: place_step
+        type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
+        type(start_choices) :: choices
+        type(status_type) :: first
+        integer :: pass, stuck
+        logical :: goes_on
+
+        call begin_choices(size(model%step), choices)
+        do pass = 1, most_passes
+            call make_pass(status)
+            if (pass == 1) first = status
+            if (stuck == 0) return
+            call choices%go_back(stuck, goes_on)
+            if (.not. goes_on .or. size(model%group) == 0) exit
+            status = status_type()
+        end do
+        status = first
+        if (pass == 1 .or. .not. status%is_ok()) return
+        call begin_choices(size(model%step), choices)
+        call make_pass(status)
+
+    contains
+
+        !> Ends at the first step that cannot be closed with what was chosen for those before. What is only out of reach is told, and
+        !> the pass goes on.
+        subroutine make_pass(status)
+            type(status_type), intent(inout) :: status
+            logical :: is_lost
+            integer :: i
+
+            stuck = 0
+            model%branch = 1
+            model%chosen_by = by_default
+            do i = 1, size(model%group)
+                model%group(i)%start = 0
+            end do
+            call clear_flags(state)
+            do i = 1, size(model%step)
+                is_lost = state%unreachable(1)
+                call place_step(model, i, choices, state, status, like)
+                if (stuck == 0 .and. (.not. status%is_ok() .or. (state%unreachable(1) .and. .not. is_lost))) stuck = i
+                if (.not. status%is_ok()) return
+            end do
+        end subroutine make_pass
+    end subroutine place_all
+
+    !> A step of the plan of a planar mechanism.
+    subroutine place_planar_step(model, i, choices, state, status, like)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i
+        type(start_choices), intent(inout) :: choices
+        type(kinematic_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like
+
+        associate (step => model%step(i))
+            if (is_dyad(step%kind)) call choose_branch(model, i, choices, state, status)
+            if (step%kind == step_group) then
+                call start_group(model, i, choices, state, status, like)
+            else
+                call run_step(model, step, state)
+            end if
+        end associate
+    end subroutine place_planar_step
 
     ! ---------------------------------------------------------------- dyads
 
     !> Choose one of a dyad's two assemblies: the branch asked for, else that nearest to how its links are drawn.
-    subroutine choose_branch(model, step, state, status)
+    subroutine choose_branch(model, i_step, choices, state, status)
         type(model_type), intent(inout) :: model
-        type(step_type), intent(in) :: step
+        integer, intent(in) :: i_step
+        type(start_choices), intent(inout) :: choices
         type(kinematic_state), intent(inout) :: state
         type(status_type), intent(inout) :: status
         type(start_distance) :: distance(2)
         integer :: forced, i
         logical :: has_hints, fits, speaks
 
-        forced = forced_branch(model, step, status)
-        if (step%kind == step_prp) call take_side(model, step, state)
-        if (.not. step%has_branches) return
-        associate (link => step%link(:step%n_link), joint => step%joint(:step%n_link + 1))
-            has_hints = has_start(model, link, joint)
-            fits = .false.
-            ! a dyad that coordinates lead is led by more than where links are drawn
-            if (.not. (has_hints .or. is_led_dyad(step))) fits = fits_as_written(model, link, joint, state%plane)
-            speaks = has_hints .or. fits
-            if (forced /= 0) then
-                model%branch(step%first) = forced
-                model%chosen_by(step%first) = by_branch
-            else if (speaks .or. is_led_dyad(step)) then
-                if (speaks) model%chosen_by(step%first) = merge(by_start, by_markers, has_hints)
-                do i = 1, 2
-                    state%branch(:, step%first) = 3 - 2*i
-                    call run_step(model, step, state)
-                    distance(i) = measure_distance(model, link, joint, state, fits)
-                end do
-                if (is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1))) model%branch(step%first) = -1
-            end if
+        associate (step => model%step(i_step))
+            forced = forced_branch(model, step, status)
+            if (step%kind == step_prp) call take_side(model, step, state)
+            if (.not. step%has_branches) return
+            associate (link => step%link(:step%n_link), joint => step%joint(:step%n_link + 1))
+                has_hints = has_start(model, link, joint)
+                fits = .false.
+                ! a dyad that coordinates lead is led by more than where links are drawn
+                if (.not. (has_hints .or. is_led_dyad(step))) fits = fits_as_written(model, link, joint, state%plane)
+                speaks = has_hints .or. fits
+                if (forced /= 0) then
+                    model%branch(step%first) = forced
+                    model%chosen_by(step%first) = by_branch
+                else if (speaks .or. is_led_dyad(step)) then
+                    if (speaks) model%chosen_by(step%first) = merge(by_start, by_markers, has_hints)
+                    do i = 1, 2
+                        state%branch(:, step%first) = 3 - 2*i
+                        call run_step(model, step, state)
+                        distance(i) = measure_distance(model, link, joint, state, fits)
+                    end do
+                    if (is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1))) model%branch(step%first) = -1
+                end if
+            end associate
+            if (forced == 0) choices%n_way(i_step) = 2
+            if (choices%passed_over(i_step) > 0) model%branch(step%first) = -model%branch(step%first)
+            state%branch(:, step%first) = model%branch(step%first)
         end associate
-        state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
     !> Note to which side one of two slides is turned off the other at the start.
@@ -181,9 +257,10 @@ contains
     !> Find the assembly of a group at the start, in a plane or in space.
     !>
     !> **Errors**: `status_bad_input` for a group that cannot be closed there.
-    subroutine start_group(model, step, state, status, like)
+    subroutine start_group(model, i, choices, state, status, like)
         type(model_type), intent(inout) :: model
-        type(step_type), intent(in) :: step
+        integer, intent(in) :: i                           !! step of the plan
+        type(start_choices), intent(inout) :: choices
         type(kinematic_state), intent(inout) :: state
         type(status_type), intent(inout) :: status
         type(model_type), intent(in), optional :: like     !! a model that stands as this one will
@@ -191,10 +268,13 @@ contains
         logical :: is_known
 
         is_known = .false.
-        if (present(like)) call take_group_start(model, step, like, state, n_found, is_known)
-        if (.not. is_known) call find_group_start(model, step, state, n_found)
-        associate (group => model%group(step%first))
+        if (present(like) .and. choices%passed_over(i) == 0) &
+            call take_group_start(model, model%step(i), like, state, n_found, is_known)
+        if (.not. is_known) call find_group_start(model, model%step(i), choices%passed_over(i), state, n_found)
+        choices%n_way(i) = max(n_found, 1)
+        associate (group => model%group(model%step(i)%first))
             group%n_found = n_found
+            group%n_passed_over = choices%passed_over(i)
             group%chosen_by = merge(by_start, by_nothing, has_start(model, group%link, group%joint))
             call keep_group(model, group, state, status)
         end associate

@@ -11,7 +11,8 @@ module linkdyn_spatial_start
     use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_hung, step_group, has_rod, &
         turns_in_two, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
-    use linkdyn_planar_start, only: start_group
+    use linkdyn_planar_start, only: place_all, start_group
+    use linkdyn_start_choices, only: start_choices
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_step_part, only: describe_step
     use linkdyn_status, only: status_type
@@ -29,33 +30,53 @@ contains
         type(status_type), intent(inout) :: status
         type(model_type), intent(in), optional :: like     !! a model that stands as this one will
         type(kinematic_state) :: state
-        type(start_distance) :: nearest
-        integer :: i, k
+        integer :: k
 
         if (.not. status%is_ok() .or. model%is_planar) return
         model%start_q = [(start_of_coordinate(model%scene, k), k=1, model%n_q)]
         allocate (model%branch(model%n_branch))
+        allocate (model%chosen_by(model%n_branch))
         model%branch = 1
-        allocate (model%chosen_by(model%n_branch), source=by_branch)
+        model%chosen_by = by_branch
         if (.not. any(is_closed(model%step) .or. model%step%kind == step_ups .or. model%step%kind == step_group)) return
-        do i = 1, size(model%group)
-            model%group(i)%start = 0
-        end do
         call prepare_kinematics(model, 0, state)
         state%q = spread(model%start_q, 1, lanes)
-        do i = 1, size(model%step)
-            associate (step => model%step(i))
-                if (is_closed(step)) call choose_way(model, i, state, nearest)
-                if (step%kind == step_ups .and. step%branch /= 0) call choose_leg(model, i, state, like)
-                if (step%kind == step_group) then
-                    call start_group(model, step, state, status, like)
-                else
-                    call run_step(model, step, state)
-                end if
-            end associate
-            if (.not. status%is_ok()) return
-        end do
+        call place_all(model, state, by_branch, place_spatial_step, status, like)
     end subroutine assemble_in_space
+
+    !> A step of the plan.
+    subroutine place_spatial_step(model, i, choices, state, status, like)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i
+        type(start_choices), intent(inout) :: choices
+        type(kinematic_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+        type(model_type), intent(in), optional :: like
+        type(start_distance) :: nearest
+
+        associate (step => model%step(i))
+            if (is_closed(step)) then
+                call choose_way(model, i, told_branch(model, i), state, nearest)
+                if (step%has_branches .and. told_branch(model, i) == 0) choices%n_way(i) = 2
+                if (choices%passed_over(i) > 0) call choose_way(model, i, -nint(model%branch(step%first)), state, nearest)
+            end if
+            if (step%kind == step_ups .and. step%branch /= 0) call choose_leg(model, i, state, like)
+            if (step%kind == step_group) then
+                call start_group(model, i, choices, state, status, like)
+            else
+                call run_step(model, step, state)
+            end if
+        end associate
+    end subroutine place_spatial_step
+
+    !> The branch written at the joint between the links of a closed form; 0: none. One that has no branches has one way.
+    pure integer function told_branch(model, i) result(told)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i                           !! step of the plan
+
+        told = 1
+        if (model%step(i)%has_branches) told = model%scene%joint(model%step(i)%joint(2))%branch
+    end function told_branch
 
     !> Is it a closed form with ways to choose from?
     elemental logical function is_closed(step)
@@ -66,19 +87,18 @@ contains
 
     !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways
     !> those that a `branch` leaves.
-    recursive subroutine choose_way(model, i, state, nearest)
+    recursive subroutine choose_way(model, i, told, state, nearest)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i                           !! step of the plan
+        integer, intent(in) :: told                        !! this branch; 0: either
         type(kinematic_state), intent(inout) :: state
         type(start_distance), intent(out) :: nearest       !! of that way
         type(start_distance) :: distance
-        integer :: told, branch, turn, least_turn, best(2)
+        integer :: branch, turn, least_turn, best(2)
         integer, allocatable :: link(:), joint(:)
 
         call list_parts(model, i, link, joint)
         associate (step => model%step(i))
-            told = 1
-            if (step%has_branches) told = model%scene%joint(step%joint(2))%branch
             nearest%given = huge(1.0_wp)
             best = [merge(1, told, told == 0), 1]
             least_turn = merge(-1, 1, has_rod(step%kind))
@@ -183,7 +203,7 @@ contains
             end if
             distance = measure_distance(model, step%link(:step%n_link), [integer ::], state, .false.)
             do k = i + 1, last_rod_of(model, i)
-                call choose_way(model, k, state, of_rod)
+                call choose_way(model, k, told_branch(model, k), state, of_rod)
                 call run_step(model, model%step(k), state)
                 distance%given = distance%given + of_rod%given
                 distance%others = distance%others + of_rod%others

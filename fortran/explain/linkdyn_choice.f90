@@ -49,6 +49,8 @@ contains
                 text = text//"since nothing says otherwise"
             end if
         end select
+        if (step%kind /= step_group) return
+        if (model%group(step%first)%n_passed_over > 0) text = text//" of those with which the loops behind close"
     end function choice_in_words
 
     !> The same for all loops of a mechanism, in one line; blank if there was no choice.

@@ -233,6 +233,7 @@ module linkdyn_model
         logical, allocatable :: turns(:)      !! the link's orientation is its own; else it is that of another link
         real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
         integer :: n_found = 1                !! assemblies among which that of the start was chosen; 0: others were not looked for
+        integer :: n_passed_over = 0          !! nearer ones, with which loops behind the group do not close
         integer :: chosen_by = 0              !! what decided it: one of `by_*`
         real(wp) :: size = 1                  !! how far joints of a link are apart [m], see `group_size`
         real(wp), allocatable :: row_unit(:)  !! of its constraints: its size for a distance, 1 for an angle (row)
