@@ -94,7 +94,8 @@ contains
 
     contains
 
-        !> Ends at the first step that cannot be closed with what was chosen for those before. What is only out of reach is told, and
+        !> Ends at the first step that cannot be closed with what was chosen for those before. What is only out of reach is told,
+        !> and the pass goes on.
         !> the pass goes on.
         subroutine make_pass(status)
             type(status_type), intent(inout) :: status
