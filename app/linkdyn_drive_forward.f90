@@ -3,7 +3,7 @@ module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_cli, only: command_line
     use linkdyn_clock, only: seconds_since
-    use linkdyn_drive_inverse, only: load_model
+    use linkdyn_load_model, only: load_model
     use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, tolerance_in_words, &

@@ -2,7 +2,7 @@
 module linkdyn_drive_generate
     use linkdyn_cli, only: command_line
     use linkdyn_code_texts, only: make_code_texts
-    use linkdyn_drive_inverse, only: load_model
+    use linkdyn_load_model, only: load_model
     use linkdyn_generate, only: kernel_name, kernel_inverse
     use linkdyn_model, only: model_type
     use linkdyn_output_file, only: output_file, open_output, write_text, finish_text, discard_output

@@ -4,7 +4,6 @@
 module linkdyn_drive_inverse
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: assembly_trail
-    use linkdyn_builder, only: build_model
     use linkdyn_block_results, only: put_into_block
     use linkdyn_cli, only: command_line
     use linkdyn_clock, only: seconds_since
@@ -23,18 +22,18 @@ module linkdyn_drive_inverse
         result_driving_speed, result_driving_power, result_joint_rate, result_transmission_force, result_assembly
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
-    use linkdyn_scene, only: has_hard_stops, scene_type, put_file_first
-    use linkdyn_scene_reader, only: read_scene, check_actuators
+    use linkdyn_scene, only: has_hard_stops, scene_type
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries
     use linkdyn_summary_text, only: print_summary, failure_text, reason_of_loss, passed_stops
     use linkdyn_terminal, only: show_stage, show_progress, say
+    use linkdyn_load_model, only: load_model
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
-    public :: drive_inverse, load_model
+    public :: drive_inverse
 
     character(len=*), parameter :: spline_rates = "of the spline through the positions"    !! where --states has no rates
     integer, parameter :: written_block = 16384      !! samples computed and written at a time
@@ -109,21 +108,6 @@ contains
         if (config%no_output .and. .not. allocated(config%want)) &
             wanted%joint_variable = has_hard_stops(scene) .or. any(scene%actuator%cylinder%is_given)
     end function wanted_of
-
-    !> Read and plan a scene; messages start with the file's name.
-    subroutine load_model(file, is_inverse, model, status)
-        character(len=*), intent(in) :: file
-        logical, intent(in) :: is_inverse             !! every coordinate needs its actuator
-        type(model_type), intent(out) :: model
-        type(status_type), intent(inout) :: status
-        type(scene_type) :: scene
-
-        call show_stage("reading and planning")
-        call read_scene(file, scene, status)
-        if (status%is_ok() .and. is_inverse) call check_actuators(scene, status)
-        if (status%is_ok()) call build_model(scene, model, status)
-        if (.not. status%is_ok()) call put_file_first(file, scene, status%message)
-    end subroutine load_model
 
     !> Compute, store and sum up block by block.
     subroutine run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)

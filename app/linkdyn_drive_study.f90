@@ -1,7 +1,7 @@
 !> `linkdyn study`: every solver and every integrator on one scene, time against error, and what to use.
 module linkdyn_drive_study
     use linkdyn_cli, only: command_line
-    use linkdyn_drive_inverse, only: load_model
+    use linkdyn_load_model, only: load_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, sample_count

@@ -3,28 +3,29 @@ program linkdyn
     use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments
     use linkdyn_drive_forward, only: drive_forward
     use linkdyn_drive_generate, only: drive_generate
-    use linkdyn_drive_inverse, only: drive_inverse, load_model
+    use linkdyn_drive_inverse, only: drive_inverse
     use linkdyn_drive_study, only: drive_study
     use linkdyn_drive_sweep, only: drive_sweep
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_help, only: print_help
     use linkdyn_interrupt, only: settle_signals
+    use linkdyn_load_model, only: load_model
     use linkdyn_model, only: model_type
     use linkdyn_options, only: command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate, &
         command_version
     use linkdyn_report, only: open_report, print_report
+    use linkdyn_run_output, only: exit_done, exit_bad_input
     use linkdyn_status, only: status_type
     use linkdyn_terminal, only: start_progress, show_stage, end_progress, say, leave_program
     use linkdyn_build, only: version
     implicit none (type, external)
-    integer, parameter :: exit_bad_input = 2
     type(argument_type), allocatable :: arguments(:)
     type(command_line) :: config
     type(status_type) :: status
     integer :: exit_status, unit
 
-    exit_status = 0
+    exit_status = exit_done
     call settle_signals()
     call read_arguments(arguments)
     call parse_arguments(arguments, config, status)

@@ -63,7 +63,7 @@ typedef struct linkdyn_run linkdyn_run;
 typedef struct linkdyn_result {
     const char *name;      /* one that linkdyn_name() lists under "result", of runs under "run_result" */
     double *values;        /* (n, linkdyn_width()) */
-    size_t size;           /* how many numbers there is room for: n times linkdyn_width() */
+    size_t size;           /* how many numbers these are: n times linkdyn_width(), neither less nor more */
 } linkdyn_result;
 
 /* How inverse dynamics is computed. What is zero or NULL is as described. */

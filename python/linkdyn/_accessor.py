@@ -30,6 +30,8 @@ __all__ = ["RunAccessor"]
 
 GROUPS = {"force": "F", "moment": "M"}
 """Parts of a wrench, by the first letter of their components."""
+LABELLED = ("coordinate", "actuator", "joint", "variable", "component")
+"""Dimensions by whose names results are found."""
 OFFERS = ("view", "animate", "sheet", "worst", "joint", "to_frame", "to_csv", "to_parquet")
 """What there is to call, for those who ask by printing."""
 
@@ -46,7 +48,26 @@ class RunAccessor:
     """
 
     def __init__(self, run: xr.Dataset) -> None:
-        self._run = run
+        self._given = run
+
+    @property
+    def _run(self) -> xr.Dataset:
+        """The run with its samples first, as it was written.
+
+        Raises
+        ------
+        InputError
+            A dimension other than that of the samples is gone.
+        """
+        run = self._given
+        for name, axis in run.coords.items():
+            if name in LABELLED and axis.ndim == 0:
+                raise InputError(f"the run has nothing but {name} {str(axis.values)!r} left (expected the whole run, or run.sel({name}=[{str(axis.values)!r}]))")
+        if "sample" not in run.dims and "time" in run.dims:
+            run = run.swap_dims(time="sample")
+        if "sample" in run.dims and any("sample" in values.dims[1:] for values in run.data_vars.values()):
+            run = run.transpose("sample", ..., "component", missing_dims="ignore")
+        return run
 
     def view(self, file: str | os.PathLike[str] | None = None, **options: Any) -> View:
         """An interactive picture: `linkdyn.view`."""
@@ -246,14 +267,16 @@ class RunAccessor:
         from .results import need_samples
 
         need_samples(self._run, "to_frame")
+        if "sample" not in self._run.dims:
+            raise InputError("to_frame: there are no results of samples (expected a run, or a sweep that keeps samples)")
         columns: dict[str, Any] = {}
         for name, values in self._run.data_vars.items():
             if values.dims[:1] != ("sample",):
                 continue
             flat, units = values.values.reshape(len(values), -1), self._units(values)
             if "flag_meanings" in values.attrs:
-                words = np.array([word.replace("_", " ") for word in values.flag_meanings.split()])
-                flat, units = words[flat], [""] * len(units)
+                words = np.array([*(word.replace("_", " ") for word in values.flag_meanings.split()), ""])
+                flat, units = words[np.nan_to_num(flat, nan=-1).astype(int)], [""] * len(units)  # NaN: where it was taken away
             for label, unit, column in zip(self._labels(values), units, flat.T):
                 columns[f"{name}{label}{f' [{unit}]' if unit else ''}"] = column
         return pd.DataFrame(columns, index=pd.Index(self._instants(), name="time [s]" if self._clock == "time" else "sample"))
@@ -317,7 +340,9 @@ class RunAccessor:
     def _scene(self, caller: str, given: Scene | None) -> Scene:
         """The scene given, or the one that the run keeps."""
         from ._geometry.postures import scene_of
+        from .results import need_samples
 
+        need_samples(self._run, caller)
         return given if given is not None else scene_of(self._run, caller)
 
     @property

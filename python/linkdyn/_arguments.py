@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,8 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     """
     if type(values) is np.ndarray and values.dtype is FLOATS and values.flags.c_contiguous and _fits(values.shape, shape):
         return values  # as nearly always
+    if np.ma.is_masked(values):
+        raise InputError(f"{name}: some of its values are masked (expected numbers)")
     try:
         array = np.asarray(values)
     except ValueError:
@@ -80,6 +82,34 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     if not _fits(array.shape, shape):
         raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}{_forgotten_axis(name, array.shape, shape)}")
     return np.ascontiguousarray(array, dtype=FLOATS)
+
+
+def by_labels(name: str, values: Any, labels: Sequence[str]) -> Any:
+    """Labelled values, of xarray or pandas, in the order of the labels given and with these last; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        Other labels.
+    """
+    if type(values) is np.ndarray:
+        return values  # as nearly always
+    if hasattr(values, "dims") and hasattr(values, "coords"):
+        for axis in values.dims:
+            if axis in values.coords and values.coords[axis].dtype.kind in "OUS":
+                _same_labels(name, list(map(str, values.coords[axis].values)), labels)
+                return values.sel({axis: list(labels)}).transpose(..., axis).values
+        return values.values
+    columns = getattr(values, "columns", None)
+    if columns is not None and all(isinstance(column, str) for column in columns):
+        _same_labels(name, list(columns), labels)
+        return values[list(labels)].to_numpy()
+    return values
+
+
+def _same_labels(name: str, found: list[str], labels: Sequence[str]) -> None:
+    if sorted(found) != sorted(labels):
+        raise InputError(f"{name}: its labels are {', '.join(found) or 'none'} (expected {', '.join(labels)}, in any order, or an array without labels)")
 
 
 def as_finite(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str = "") -> NDArray[np.float64]:

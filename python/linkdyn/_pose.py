@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import as_floats, as_known, dimensions
+from ._arguments import as_floats, as_known, by_labels, dimensions
 from ._bind import spline
 from .errors import InputError
 
@@ -238,7 +238,7 @@ def poses_of(run: xr.Dataset, scene: Scene) -> dict[str, Pose]:
     """The same, of a run that has them."""
     found = {}
     for k, name in enumerate(run.attitude.values.tolist() if "attitude" in run.coords else []):
-        q, qd, qdd = (run[variable].values[:, pose_columns(scene, name)] for variable in ("q", "qd", "qdd"))
+        q, qd, qdd = (by_labels(variable, run[variable], scene.coordinates)[:, pose_columns(scene, name)] for variable in ("q", "qd", "qdd"))
         is_pose = q.shape[1] == 6
         place = {"position": q[:, :3], "velocity": qd[:, :3], "acceleration": qdd[:, :3]} if is_pose else {}
         found[name] = Pose(

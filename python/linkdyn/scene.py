@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
 from ._accessor import count, table
-from ._arguments import as_count, as_finite, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
+from ._arguments import as_count, as_finite, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, by_labels, dimensions, quoted
 from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
@@ -322,7 +322,7 @@ class Scene:
         Raises
         ------
         InputError
-            A name is unknown, or the scene has no such kernel, as where links are placed by iteration.
+            A name is unknown, or the scene has no such kernel.
 
         Examples
         --------
@@ -464,6 +464,7 @@ class Scene:
                 raise InputError(f"{'q' if pose is None else 'pose'}, joint_variable: give one of them")
             schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
             (width,), _ = result_shapes(schema)["joint_variable"]
+            joint_variable = by_labels("joint_variable", joint_variable, next(of["labels"] for of in schema["dimensions"] if of["name"] == "variable"))
             variables = as_floats("joint_variable", joint_variable, (None, width))
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
         follows = (q is None and pose is None) if in_order is None else as_flag("in_order", in_order)
@@ -647,7 +648,8 @@ class Scene:
             (msbdf: 1e-5) is, and ``attrs["tolerance"]`` says what was. What has gone less than 0.01 so far is allowed that much less, so that
             small motions have digits, too.
         want, solver, threads
-            As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
+            As for `inverse`, and "controller" and "clutch"; "power" brings the energies and the work too. Without ``want`` all is
+            computed but the singularity distance and errors; what costs nothing, such as the motion, is always there.
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
         error
@@ -1057,8 +1059,8 @@ class Scene:
         values = self._batch("q", q, None)
         return {
             "q": values,
-            "qd": np.zeros(values.shape) if qd is None else as_floats("qd", qd, values.shape),
-            "qdd": np.zeros(values.shape) if qdd is None else as_floats("qdd", qdd, values.shape),
+            "qd": np.zeros(values.shape) if qd is None else as_floats("qd", by_labels("qd", qd, self.coordinates), values.shape),
+            "qdd": np.zeros(values.shape) if qdd is None else as_floats("qdd", by_labels("qdd", qdd, self.coordinates), values.shape),
         }
 
     def _given_poses(
@@ -1142,7 +1144,7 @@ class Scene:
 
     def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
         """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
-        columns = len(self.coordinates)
+        columns, values = len(self.coordinates), by_labels(name, values, self.coordinates)
         if one:
             says = f"({'N' if n is None else n}, {columns})"
             if dimensions(name, values, says) == 1:

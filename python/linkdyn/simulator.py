@@ -73,8 +73,6 @@ class Simulator:
         (n_q,) Coordinates and their rates there [m, rad; /s], in the order of ``scene.coordinates``; to read only.
     """
 
-    t: float
-
     def __init__(self, scene: Scene, handle: int, method: str, settings: tuple[float, float, float], t: float) -> None:
         self.scene = scene
         self._size = len(scene.actuators)
@@ -86,6 +84,11 @@ class Simulator:
         self._q, self._qd = np.empty(len(scene.coordinates)), np.empty(len(scene.coordinates))
         self._advance(-np.inf)
         self._first = (self._q.copy(), self._qd.copy())
+
+    @property
+    def t(self) -> float:
+        """Instant reached [s]; `reset` puts the mechanism at another."""
+        return self._t
 
     @property
     def q(self) -> NDArray[np.float64]:
@@ -171,7 +174,7 @@ class Simulator:
         _bind.put_simulator_back(self._handle, state._handle)
         self._force[:] = state._force
         self._q[:], self._qd[:] = state.q, state.qd
-        self.t = state.t
+        self._t = state.t
 
     def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
         """Let a controller that samples at a rate lead the mechanism.
@@ -257,11 +260,11 @@ class Simulator:
         """In pieces, between which Python hears an interrupt."""
         try:
             while True:
-                self.t = _bind.step_simulator(self._handle, t_end, self._force, self._size, self._q, self._qd)
-                if self.t >= t_end:
+                self._t = _bind.step_simulator(self._handle, t_end, self._force, self._size, self._q, self._qd)
+                if self._t >= t_end:
                     return
         except _bind.Stopped as stopped:
-            self.t = stopped.t
+            self._t = stopped.t
             raise InputError(str(stopped)) from None
 
     def _dataset(
@@ -270,9 +273,10 @@ class Simulator:
         units = {kind: [entry["unit"] for entry in self.scene.description[f"{kind}s"]] for kind in ("coordinate", "actuator")}
         return xr.Dataset(
             {
-                "q": (("sample", "coordinate"), q, {"long_name": "coordinates"}),
-                "qd": (("sample", "coordinate"), qd, {"long_name": "rates of the coordinates"}),
-                "driving_force": (("sample", "actuator"), force, {"long_name": "driving force or torque, held until the next instant"}),
+                "q": (("sample", "coordinate"), q, {"units": "m, rad", "long_name": "coordinates"}),
+                "qd": (("sample", "coordinate"), qd, {"units": "m/s, rad/s", "long_name": "rates of the coordinates"}),
+                "driving_force": (("sample", "actuator"), force, {"units": "N, N m", "long_name": "driving force or torque, held until the next instant"}),
+                "status": ("sample", np.zeros(len(t), dtype=np.intc), {"flag_meanings": "ok", "long_name": "all samples that there are have been computed"}),
             },
             xr.Coordinates({
                 "coordinate": list(self.scene.coordinates),

@@ -12,11 +12,14 @@ from tqdm.auto import tqdm
 from . import _bind
 from ._listing import only
 from ._output import Inputs, refuse_inputs, write_by
+from .errors import InputError
 from .results import run_attributes
 
 __all__ = ["run_sweep"]
 __dir__ = only(__all__)
 
+NO_NETCDF = (".csv", ".xlsx", ".xls", ".ods", ".mat", ".json", ".html", ".pdf", ".png", ".parquet")
+"""Endings of files of other kinds, which the command refuses too."""
 MOST_READ = 1 << 20
 """Kept samples read from their file at a time."""
 
@@ -54,6 +57,8 @@ def run_sweep(
         Files that the output must not be.
     """
     if output:
+        if output.lower().endswith(NO_NETCDF):
+            raise InputError(f"output: {output!r}: sweeps are written as netCDF (expected a name that ends in .nc)")
         refuse_inputs(output, inputs)
     sweep, n_done, n_next = _bind.open_sweep(handle, folder, solver, keep, threads, output, resume, checkpoint)
     has_ended = False

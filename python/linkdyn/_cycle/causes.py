@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from .._arguments import by_labels
 from .._pose import poses_of
 from ..errors import InputError
 from ..results import instants_of
@@ -69,6 +70,9 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
         causes["preload"] = _only(content, preload=True)
     if any("misfit" in table for table in content.get("joint", [])):
         causes["misfit"] = _only(content, misfit=True)
+    for axis, names in (("actuator", scene.actuators), ("joint", scene.joints)):
+        if axis in run.dims and sorted(map(str, run[axis].values)) == sorted(names):
+            run = run.sel({axis: list(names)})
     given = _given(run)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
     found = {"inertia": base}
@@ -133,10 +137,10 @@ def _forces(
     """Forces of another scene along the same motion: as the scene's own where the run was along that, else sample by sample."""
     time = run.time.values if "time" in run.coords else None
     good = good_samples(run)
-    if time is not None and "method" not in run.attrs and np.array_equal(scene.motion(time)[0][good], run.q.values[good]):
+    if time is not None and "method" not in run.attrs and np.array_equal(scene.motion(time)[0][good], by_labels("q", run.q, scene.coordinates)[good]):
         again = scene.inverse(t=time, want=wanted, wrench=wrench)
     else:
-        states = (np.nan_to_num(run[name].values) for name in ("q", "qd", "qdd"))
+        states = (run[name].fillna(0) for name in ("q", "qd", "qdd"))
         again = scene.inverse(*states, pose=poses_of(run, scene) or None, t=instants_of(run), want=wanted, wrench=wrench)
     return {name: again[name].values for name in wanted}
 

@@ -170,7 +170,7 @@ def _loads(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     links = scene.description["links"]
     instants = instants_of(run)
-    values = scene.load_values(np.zeros(1) if instants is None else instants, run.q.values, run.qd.values, in_order="time" in run.coords)
+    values = scene.load_values(np.zeros(1) if instants is None else instants, run.q, run.qd, in_order="time" in run.coords)
     given: list[tuple[int, str, Vectors]] = []
     for i, load in enumerate(scene.description["loads"]):
         wrench = np.broadcast_to(values[:, i], (n, 6))

@@ -110,7 +110,7 @@ def _place(name: str, number: dict[str, int]) -> tuple[int, str]:
 
 def _loads(run: xr.Dataset, scene: Scene) -> list[Forces]:
     """Forces of the scene's loads."""
-    values = scene.load_values(run.time.values, run.q.values, run.qd.values, in_order=True)[..., :3]
+    values = scene.load_values(run.time.values, run.q, run.qd, in_order=True)[..., :3]
     loads = scene.description["loads"]
     follows = [k for k, load in enumerate(loads) if load["axes"] == "link" and load["link"] != 0]
     if follows:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from .._arguments import by_labels
 from .._cycle.averages import good_samples
 from .._pose import poses_of
 from ..errors import InputError
@@ -126,7 +127,7 @@ def _solved(motion: LinkMotion, run: xr.Dataset, block: slice) -> tuple[Vectors,
     scene = motion.scene
     rest = LinkMotion(scene, *(values[block] for values in (
         motion.position, motion.rotation, motion.velocity, motion.spin, motion.acceleration, motion.spin_rate)))
-    q, qd, qdd = (np.nan_to_num(run[name].values[block]) for name in ("q", "qd", "qdd"))
+    q, qd, qdd = (np.nan_to_num(by_labels(name, run[name], scene.coordinates)[block]) for name in ("q", "qd", "qdd"))
     given = {name: (pose.angular_velocity[block], pose.angular_acceleration[block]) for name, pose in poses_of(run, scene).items()}
     rows = _constraints(rest)
     leading, speeds, _ = _coordinates(rest, q, qd, qdd, given)

@@ -105,7 +105,7 @@ def poses_of(scene: Scene, run: xr.Dataset) -> Poses:
         if passed:
             raise InputError("the run passed dead points of its coordinates (expected joint variables among the results)")
         return _led_poses(scene, run)
-    told = scene.poses(joint_variable=run.joint_variable.values)
+    told = scene.poses(joint_variable=run.joint_variable)
     return told if passed else _as_told(_led_poses(scene, run), told)
 
 
@@ -119,7 +119,7 @@ def placed_poses(scene: Scene, run: xr.Dataset, caller: str) -> Poses:
 
 
 def _led_poses(scene: Scene, run: xr.Dataset) -> Poses:
-    return scene.poses(np.nan_to_num(run.q.values), in_order="time" in run.coords or "assembly" in run)
+    return scene.poses(run.q.fillna(0), in_order="time" in run.coords or "assembly" in run)
 
 
 def _as_told(led: Poses, told: Poses) -> Poses:

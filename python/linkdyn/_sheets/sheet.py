@@ -157,9 +157,13 @@ def _pdf(page: Page) -> bytes:
 @checked
 def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | None = None) -> Page:
     """What stands on the sheet; arguments as for `sheet`."""
+    if scene is not None and "coordinate" in run and sorted(map(str, run.coordinate.values)) != sorted(scene.coordinates):
+        raise InputError("sheet: scene: it has other coordinates than the run (expected the scene of the run)")
     if "status" in run:
         if design is not None:
             raise InputError("sheet: design: these are results of a run, which has one design")
+        if "qdd" not in run:
+            raise InputError("sheet: the run has no accelerations (expected results of inverse or forward)")
         from .run_sheet import run_page
 
         return run_page(run, scene)
