@@ -15,6 +15,7 @@ module linkdyn_drive_inverse
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_given_attitudes, only: refuse_way_past_pole, turn_by_quaternion, attitude_size
     use linkdyn_heard_tables, only: refuse_instants
+    use linkdyn_coarse_sampling, only: coarse_in_words
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: wanted_type, layout_type, block_type, describe_results, refuse_absent, prepare_block, &
         view_values, samples_width, find_driving_power, view_motor_loads, flag_unsound, variable_index
@@ -92,11 +93,32 @@ contains
         if (.not. config%quiet) call print_summary(model, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
         if (states%has_spline_rates .and. .not. config%quiet) write (unit, "(a)") "  rates            "//spline_rates
+        if (.not. (allocated(states%time) .or. config%quiet)) then
+            if (sampling_in_words(model, n_sample) /= "") &
+                write (unit, "(a)") "  sampling         "//sampling_in_words(model, n_sample)
+        end if
         exit_status = exit_done
         if (summary%failure%n == 0) return
         exit_status = exit_samples_failed
         call say(trim(config%scene)//": failed samples: "//failure_text(summary))
     end subroutine drive_inverse
+
+    !> Do the scene's samples lie too far from each other? So many that nobody could look at them all are not looked at.
+    function sampling_in_words(model, n_sample) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_sample
+        character(len=:), allocatable :: text
+        integer, parameter :: most_samples = 100000
+        real(wp), allocatable :: t(:), load(:, :, :), q(:, :), qd(:, :), qdd(:, :)
+
+        text = ""
+        if (n_sample > most_samples) return
+        allocate (t(n_sample), load(6, model%n_load, n_sample), q(model%n_q, n_sample))
+        allocate (qd, qdd, mold=q)
+        call sample_times(model, 1, t)
+        call evaluate_motion(model, t, q, qd, qdd, load)
+        text = coarse_in_words(model, t, q, qd, qdd)
+    end function sampling_in_words
 
     !> What is computed: where nothing is written, what the summary tells of.
     function wanted_of(config, scene) result(wanted)
@@ -156,6 +178,7 @@ contains
         call note_assembly(layout, summary, output, status)
         if (variable_index(layout, result_assembly) > 0) call note_result("failure", reason_of_loss(summary), output, status)
         if (has_hard_stops(model%scene)) call note_result("beyond_stops", passed_stops(model%scene, summary), output, status)
+        if (.not. allocated(states%time)) call note_result("coarse_sampling", sampling_in_words(model, n_sample), output, status)
         call close_results(output, status)
 
     contains

@@ -46,6 +46,7 @@ module linkdyn_f2py_api
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: n_chamber
     use linkdyn_scene_reader, only: check_actuators
+    use linkdyn_coarse_sampling, only: coarse_in_words
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_sweep_rounds, only: kept_width, most_kept
@@ -59,7 +60,7 @@ module linkdyn_f2py_api
     public :: api_version, api_choose_code, api_code, api_default_method, api_csv_rows, api_spline
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads, &
-              api_attitudes
+              api_attitudes, api_sampling
     public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
@@ -378,6 +379,33 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_motion
+
+    !> Whether the samples of a motion are too far from each other, in words: see `coarse_in_words`.
+    subroutine api_sampling(handle, n, t, n_q_values, q, qd, qdd, text, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_q_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
+        character(len=512), intent(out) :: text
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer, dimension(:, :) :: q2, qd2, qdd2
+
+        text = ""
+        call take_scene(handle, scene, status)
+        if (status%is_ok()) call check_size("q", int(n_q_values, int64), scene%model%n_q, n, status)
+        if (status%is_ok()) then
+            q2(1:scene%model%n_q, 1:n) => q
+            qd2(1:scene%model%n_q, 1:n) => qd
+            qdd2(1:scene%model%n_q, 1:n) => qdd
+            text = coarse_in_words(scene%model, t, q2, qd2, qdd2)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_sampling
 
     !> Attitudes that are known as quaternions, with angular velocity and acceleration, as coordinates: see `take_attitudes`.
     subroutine api_attitudes(handle, n, n_attitude, attitude, n_q_values, q, qd, qdd, code, message)

@@ -441,17 +441,18 @@ contains
 
     !> Loads are shared among what could hold at an instant: stops at which something rests, and the clutches that are free to. The
     !> motion of the state is in the workspace.
-    subroutine share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
+    subroutine share_loads(self, t, y, is_concerned, is_free, positive, takes_part, told_response, holds, sense)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_concerned(lanes)
         logical, intent(in), dimension(:, :) :: is_free, positive  !! (lane, n_clutch)
         logical, intent(in) :: takes_part(:, :)        !! (lane, n_held)
-        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        real(wp), intent(in) :: told_response(:, :, :) !! (lane, of, by)
         logical, intent(inout) :: holds(:, :)          !! those that must slip do not; then those that hold (lane, n_held)
         real(wp), intent(inout) :: sense(:, :)         !! of those that must slip; then of all that slip (lane, n_held)
-        real(wp), dimension(lanes, size(holds, 2)) :: none, away, told_sense
+        real(wp), dimension(lanes, size(holds, 2)) :: none, away, told_sense, push
+        real(wp), dimension(lanes, size(holds, 2), size(holds, 2)) :: response
         real(wp), dimension(lanes, size(is_free, 2)) :: grip, moves
         real(wp) :: rate(lanes, self%n), first_sense(size(holds, 2)), lever(size(holds, 2))
         integer :: lead(size(holds, 2))
@@ -461,11 +462,13 @@ contains
 
         n = n_stop(self%model%scene)
         call list_held(self%model, lead, lever)
+        response = told_response
         call find_able(self, is_free, response, may_hold)
-        call find_grip(self, t, y, may_hold, grip)
+        call find_grip(self, t, y, may_hold, grip, push)
         call self%evaluate_on_lanes(t, y, rate, failed)
         none = 0
         call accelerate(self, none, away)
+        if (size(self%equations%lossy) > 0) call lead_through_losses(push, away, response)
         where (is_free .and. .not. (may_hold .or. positive))
             holds(:, n + 1:) = .false.
             sense(:, n + 1:) = slip_senses(self%model, away(:, n + 1:))
@@ -611,16 +614,14 @@ contains
         logical, intent(in) :: is_free(:, :)           !! (lane, n_clutch)
         real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
         logical, intent(out) :: may_hold(:, :)         !! (lane, n_clutch)
-        real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: nothing is left of it
         integer :: i
 
-        may_hold = is_free
         do i = 1, size(is_free, 2)
             associate (ease => response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i))
                 where (is_free(:, i)) self%way%clutch%ease(:, i) = max(self%way%clutch%ease(:, i), ease)
-                may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%way%clutch%ease(:, i)
             end associate
         end do
+        may_hold = is_free .and. gives_way(self, response)
         do i = 1, size(is_free, 2)
             associate (of_lead => may_hold(:, self%model%scene%clutch(i)%lead))
                 of_lead = of_lead .or. may_hold(:, i)
@@ -629,27 +630,65 @@ contains
         may_hold = with_lead(self%model%scene, may_hold)
     end subroutine find_able
 
-    !> What joints that may stick could hold: by the reactions while all that could hold do.
-    subroutine find_grip(self, t, y, may_hold, grip)
+    !> What transmissions lose of a push bends the answer to it. The responses become those between no push and the one that holds
+    !> all: who is to hold by himself is judged by what he has to hold then.
+    subroutine lead_through_losses(push, away, response)
+        real(wp), intent(in), dimension(:, :) :: push, away    !! that holds all; accelerations without any (lane, n_held)
+        real(wp), intent(inout) :: response(:, :, :)   !! (lane, of, by)
+        real(wp) :: missing(size(push, 2)), square
+        integer :: lane, i
+
+        do lane = 1, lanes
+            square = dot_product(push(lane, :), push(lane, :))
+            if (.not. (square > 0 .and. square <= huge(1.0_wp))) cycle
+            missing = merge(-away(lane, :) - matmul(response(lane, :, :), push(lane, :)), 0.0_wp, push(lane, :) /= 0)
+            do i = 1, size(push, 2)
+                response(lane, :, i) = response(lane, :, i) + missing*(push(lane, i)/square)
+            end do
+        end do
+    end subroutine lead_through_losses
+
+    !> Does anything move by a push of a clutch? Where a joint turns back while others move on, nothing does.
+    pure function gives_way(self, response)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        logical :: gives_way(lanes, n_clutch(self%model%scene))
+        real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: nothing is left of it
+        integer :: i
+
+        do i = 1, size(gives_way, 2)
+            associate (ease => response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i))
+                gives_way(:, i) = ease > rigid*self%way%clutch%ease(:, i)
+            end associate
+        end do
+    end function gives_way
+
+    !> What joints that may stick could hold: by the reactions while all that could hold do. And what these have to hold then.
+    subroutine find_grip(self, t, y, may_hold, grip, push)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: may_hold(:, :)          !! (lane, n_clutch)
         real(wp), intent(out) :: grip(:, :)            !! (lane, n_clutch) [N, N m]
+        real(wp), intent(out) :: push(:, :)            !! (lane, n_held) [N, N m]; where nothing sticks, and nothing is lost, 0
         real(wp) :: rate(lanes, self%n)
         logical :: held(lanes, size(may_hold, 2)), failed(lanes)
 
         grip = 0
-        if (.not. has_sticking(self%model)) return
+        push = 0
+        if (.not. has_sticking(self%model) .and. size(self%equations%lossy) == 0) return
         held = self%way%clutch%holds
         self%way%clutch%holds = held .or. may_hold
         call self%evaluate_on_lanes(t, y, rate, failed)
         grip = self%way%clutch%capacity
+        push(:, :n_stop(self%model%scene)) = merge(self%way%stops%push, 0.0_wp, self%way%stops%rests)
+        push(:, n_stop(self%model%scene) + 1:) = merge(self%way%clutch%applied - self%way%clutch%rub, 0.0_wp, self%way%clutch%holds)
         self%way%clutch%holds = held
     end subroutine find_grip
 
     !> What holds has no slip, and no speed at its stop, to the last digit, nor has what is to slip the other way: else it would
-    !> cross zero again at this instant, and so on without end.
+    !> cross zero again at this instant, and so on without end. At a joint that turns back while others move on there is nothing to
+    !> take: what rounding is of its speed would be a jump of theirs.
     subroutine take_last_slip(self, t, holds, sense, is_concerned, takes_part, response, of_coordinates, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -660,11 +699,16 @@ contains
         real(wp), intent(in) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
         real(wp), intent(inout) :: y(:, :)
         real(wp), dimension(lanes, size(holds, 2)) :: rate, change
+        logical :: goes_back(lanes, size(holds, 2))
+        integer :: n
 
         call self%look_closely(t, y)
         rate = rates_held(self%model, self%look, level_velocity)
         call refuse_speed_at_rest(self, is_concerned .and. holds, rate, response)
-        call solve_contacts(response, is_concerned .and. (holds .or. sense*rate < 0), -rate, change)
+        n = n_stop(self%model%scene)
+        goes_back = sense*rate < 0
+        goes_back(:, n + 1:) = goes_back(:, n + 1:) .and. gives_way(self, response)
+        call solve_contacts(response, is_concerned .and. (holds .or. goes_back), -rate, change)
         call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
         call still_rates(self%model, self%layout, self%way%clutch%holds, y)
     end subroutine take_last_slip

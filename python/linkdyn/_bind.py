@@ -340,6 +340,13 @@ def keep_memory(n_bytes: int) -> None:
         np.empty(min(AT_A_TIME * n_bytes, MOST_KEPT), dtype=np.uint8)
 
 
+def sampling(handle: int, t: Floats, q: Floats, qd: Floats, qdd: Floats) -> str:
+    """Whether samples (n, n_q) of a motion are too far from each other for peaks to be seen, in words; empty: they are not."""
+    told, *failure = _api.api_sampling(handle, t, _flat(q), _flat(qd), _flat(qdd))
+    check(*failure)
+    return told.decode("utf-8", errors="replace").strip()  # type: ignore[no-any-return]
+
+
 def state_loads(handle: int, in_order: bool, q: Floats, qd: Floats, t: Floats, n_load: int) -> Floats:
     """The scene's own loads (n, n_load, 6) [N, N m] at states (n, n_q), those that follow the state too.
 

@@ -537,7 +537,7 @@ class Scene:
             was, or which law or spring left a sample undefined. ``attrs["other_in_order"]`` of samples on their own counts those to
             which the way from the start leads on another assembly, past a change point: looked for where there is one coordinate, whose
             samples lie on one way, or where ``t`` increases; a warning says so. ``attrs["beyond_stops"]`` names end stops with
-            `restitution` that the motion passes.
+            `restitution` that the motion passes, ``attrs["coarse_sampling"]`` a coordinate that goes so far from sample to sample that peaks are missed.
 
         Raises
         ------
@@ -577,6 +577,8 @@ class Scene:
             data.attrs["failure"] = failure
         if not follows and pose is None and self._has_assemblies:
             data.attrs["other_in_order"] = count_others(self, given["q"], data.status.values, None if t is None else self._instants(t))
+        if along_motion:
+            data.attrs["coarse_sampling"] = _bind.sampling(self._handle, given["time"], given["q"], given["qd"], given["qdd"])
         if any(stop["is_hard"] for stop in self.description["stops"]):
             data.attrs["beyond_stops"] = passed_stops(self.description, data)
         return data

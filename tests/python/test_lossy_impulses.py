@@ -230,3 +230,36 @@ def test_an_arm_with_two_motors_that_turn_back(rate: float, restitution: float) 
     run = linkdyn.Scene(ARM.replace("RATE", str(rate)).replace("RESTITUTION", str(restitution))).forward(0.001)
     expected = thrown_back(run.event_q.values[0, 1], run.event_qd.values[0], restitution)
     np.testing.assert_allclose(run.event_qd_after.values[0], expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("capacity", [2.6, 2.7, 2.75, 2.9, 3.1, 3.2, 4.0])
+def test_a_clutch_behind_a_gear_holds_what_it_can(capacity: float) -> None:
+    """What the gear loses goes by what the clutch holds: by the responses without loss it would have to hold 3.14 N m."""
+    text = SHAFT.replace("rotor_inertia = 1e-6", "rotor_inertia = 3e-3").replace("inertia = 1e-4", "inertia = 0.01", 1)
+    text = text.format(load=0.0, speed=8, torque=1.0) + f"""
+[[link]]
+name = "fly"
+mass = 5
+inertia = 0.1
+markers = {{ O = [0, 0] }}
+[[joint]]
+name = "B"
+type = "revolute"
+between = ["frame.Q", "fly.O"]
+[[coordinate]]
+joint = "B"
+start = {{ position = 0, velocity = 5 }}
+[[load]]
+on = "fly.O"
+moment = -1
+[[clutch]]
+name = "c"
+joint = "A"
+to = "B"
+capacity = {capacity}
+"""
+    run = linkdyn.Scene(text).forward(3.0)
+    assert run.attrs["stopped"] == ""
+    driven, fly = 0.01 + 0.6 * 100 * 3e-3, 0.1
+    held = (0.6 * 10 / driven + 1 / fly) / (1 / driven + 1 / fly)
+    np.testing.assert_allclose(abs(run.clutch_force.values[-1]), min(held, capacity), rtol=1e-9)

@@ -79,6 +79,8 @@ def told(found: Balance) -> str:
         lines.append(f"  {name:<20}" + "".join(f"{value:14.6g}" for value in values))
     if not found.is_cycle:
         lines.append("  no closed cycle: the motion does not end as it begins, and has no harmonics (expected [time] to be one cycle)")
+    if found.coarse:
+        lines.append(f"  sampling: {found.coarse}")
     if found.above_least > 0:
         lines.append(f"  the peak is at most {100 * found.above_least:.2g} % above the least there is")
     return "\n".join(lines)

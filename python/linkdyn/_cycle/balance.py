@@ -64,6 +64,8 @@ class Balance:
     """By which part the peak may be above the least one there is; 0 of what is found in closed form."""
     is_cycle: bool = True
     """Does the force end as it begins? Else the motion has no harmonics."""
+    coarse: str = ""
+    """Which coordinate goes so far from sample to sample that peaks and harmonics are missed; empty: none."""
 
     def __repr__(self) -> str:
         weights = ", ".join(f"{link} {size:.3g} kg m" for link, size in self.counterweights.moment.items())
@@ -199,7 +201,8 @@ def balance(
     moment = np.stack([plane.T @ moments[2 * i : 2 * i + 2] for i, plane in enumerate(planes)]) + 0.0    # no -0, whose angle is -180 degrees
     after = before + effect @ moments
     pivots = np.stack([hinged[name][1] for name in chosen])
-    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, shares(run), turns, goal, above, _is_closed(before))
+    return Balance(scene, run.time.values, tuple(chosen), pivots, moment, before, after, shares(run), turns, goal, above, _is_closed(before),
+                   str(run.attrs["coarse_sampling"]))
 
 
 def _orders(harmonics: Any) -> list[int]:

@@ -35,6 +35,8 @@ def warnings_table(run: xr.Dataset, scene: Scene | None, limits: xr.Dataset | No
         rows.append((f"{count_words(int(bad.sum()))} of {count_words(len(bad))} samples failed ({kinds})", f"first at {place_of(run, int(bad.argmax()))}{why}"))
     if run.attrs.get("stopped"):
         rows.append(("the run stopped before its end", str(run.attrs["stopped"])))
+    if coarse := str(run.attrs.get("coarse_sampling", "")):
+        rows.append((f"the sampling is coarse: {coarse.partition(' (')[0]}", coarse.partition(" (")[2].removesuffix(")")))
     for name, words in (("change_points_passed", "change points passed"), ("assemblies_found_anew", "assemblies closed again from the start")):
         if n := int(run.attrs.get(name, 0)):
             code = 1 if name == "change_points_passed" else 2
