@@ -14,7 +14,7 @@ enum { NEVER = INT_MAX, MOST_REGISTERS = 32, NO_REGISTER = -1 };
 
 struct code {
     struct emitter *emitter;
-    int width;                  /* samples of a column */
+    int width;                  /* samples of the columns that stand side by side */
     code_function entry[];      /* (group) */
 };
 
@@ -96,6 +96,7 @@ static struct needs *find_needs(const struct lane_line *line)
 
 struct allocation {
     const struct lane_line *line;
+    int columns;                /* that stand side by side: slots of the line are counted for each */
     int n_register;
     int repeats;                /* can one number be taken for all lanes? Else constants are read from their slots */
     int held[MOST_REGISTERS];   /* the slot whose value a register holds; -1: it is free */
@@ -125,7 +126,7 @@ static void put(struct allocation *a, struct emit_step step)
 
 static struct place memory_of(const struct allocation *a, int slot)
 {
-    if (a->repeats && linkdyn_is_constant(a->line, slot)) return (struct place){IN_CONSTANT, slot - a->line->first_constant};
+    if (a->repeats && linkdyn_is_constant(a->line, slot)) return (struct place){IN_CONSTANT, (slot - a->line->first_constant)/a->columns};
     return (struct place){IN_SLOT, slot};
 }
 
@@ -272,11 +273,11 @@ static void put_call(struct allocation *a, const struct lane_step *s, const int 
         release(a, slot);
     }
     if (s->kind == LANE_PIECE)
-        put(a, (struct emit_step){.kind = EMIT_PIECE, .d = s->out, .z = {IN_SLOT, s->c}, .table = a->line->n_constant + s->table,
+        put(a, (struct emit_step){.kind = EMIT_PIECE, .d = s->out, .z = {IN_SLOT, s->c}, .table = a->line->n_constant/a->columns + s->table,
             .which = s->which});
     else if (s->kind == LANE_NEAREST || s->kind == LANE_FARTHEST)
         put(a, (struct emit_step){.kind = EMIT_PLACE, .d = s->out, .y = s->b, .z = {IN_SLOT, s->c},
-            .table = a->line->n_constant + s->table, .which = s->kind == LANE_FARTHEST});
+            .table = a->line->n_constant/a->columns + s->table, .which = s->kind == LANE_FARTHEST});
     else if (s->kind == LANE_ARCTANGENT)
         put(a, (struct emit_step){.kind = EMIT_ARCTANGENT, .d = s->out, .y = s->x, .z = {IN_SLOT, s->c}});
     else
@@ -347,13 +348,13 @@ static struct code *encode(const struct allocation *a, const size_t *end, enum c
     struct code *code = calloc(1, sizeof *code + n_group*sizeof code->entry[0]);
     size_t *offset = malloc(sizeof *offset*(n_group + 1));
     strcpy(reason, "no memory");
-    if (code) code->emitter = linkdyn_emit_open(set, lanes, a->n_step, n_group, functions);
+    if (code) code->emitter = linkdyn_emit_open(set, lanes, a->columns, a->n_step, n_group, functions);
     if (!code || !offset || !code->emitter) {
         linkdyn_free_code(code);
         free(offset);
         return NULL;
     }
-    code->width = linkdyn_emit_width(set);
+    code->width = a->columns*linkdyn_emit_width(set);
     size_t k = 0;
     for (int g = 0; g < n_group; g++) {
         offset[g] = linkdyn_emit_begin(code->emitter);
@@ -368,10 +369,10 @@ static struct code *encode(const struct allocation *a, const size_t *end, enum c
     return NULL;
 }
 
-struct code *linkdyn_make_code(const struct lane_line *line, enum code_set set, int lanes, const struct lane_functions *functions,
-                               char reason[EMIT_REASON])
+static struct code *make_columns(const struct lane_line *line, int columns, enum code_set set, int lanes,
+                                 const struct lane_functions *functions, char reason[EMIT_REASON])
 {
-    struct allocation a = {.line = line, .n_register = linkdyn_emit_registers(set), .repeats = set != CODE_AVX2};
+    struct allocation a = {.line = line, .columns = columns, .n_register = linkdyn_emit_registers(set), .repeats = set != CODE_AVX2};
     struct needs *needs = find_needs(line);
     size_t *end = malloc(sizeof *end*(line->n_group + 1));
     struct code *code = NULL;
@@ -390,6 +391,25 @@ struct code *linkdyn_make_code(const struct lane_line *line, enum code_set set, 
     free(a.step);
     return code;
 }
+
+struct code *linkdyn_make_code(const struct lane_line *line, enum code_set set, int lanes, const struct lane_functions *functions,
+                               char reason[EMIT_REASON])
+{
+    return make_columns(line, 1, set, lanes, functions, reason);
+}
+
+struct code *linkdyn_make_paired_code(const struct lane_line *line, enum code_set set, int lanes,
+                                      const struct lane_functions *functions, char reason[EMIT_REASON])
+{
+    struct lane_line pair;
+    struct code *code = NULL;
+    strcpy(reason, "no memory");
+    if (linkdyn_pair_line(line, &pair)) code = make_columns(&pair, 2, set, lanes, functions, reason);
+    linkdyn_free_line(&pair);
+    return code;
+}
+
+int linkdyn_code_width(const struct code *code) { return code->width; }
 
 void linkdyn_free_code(struct code *code)
 {

@@ -29,16 +29,17 @@ enum { less_ordered = 0x11, nearest_even = 8 };    // _CMP_LT_OQ; rounding witho
 struct emitter : CodeGenerator {
     const enum code_set set;
     const int width, stride;                       // samples in a register; bytes of a slot
+    const int columns;                             // at once
     const bool has_many;
     const lane_functions functions;
     char fault[EMIT_REASON] = "";
     const uint8_t *loop = nullptr;                 // where a column begins
     Label one, magnitude;
 
-    emitter(enum code_set s, int lanes, size_t bytes, const lane_functions &f)
+    emitter(enum code_set s, int lanes, int n_column, size_t bytes, const lane_functions &f)
         // never writable and executable at once, which is the library's default
         : CodeGenerator(bytes, DontSetProtectRWE), set(s), width(linkdyn_emit_width(s)), stride(8*lanes),
-          has_many(has_many_registers(s)), functions(f) {}
+          columns(n_column), has_many(has_many_registers(s)), functions(f) {}
 
     Xmm reg(int i) const {
         if (set == CODE_AVX512) return Zmm(i);
@@ -47,7 +48,7 @@ struct emitter : CodeGenerator {
     }
     Ymm wide(int i) const { return set == CODE_AVX512 ? Zmm(i) : Ymm(i); }
     Xmm scratch() const { return reg(15); }        // of sets without masks
-    Address slot(int i) { return ptr[rbx + (size_t)i*stride]; }
+    Address slot(int i) { return ptr[rbx + ((size_t)(i/columns)*stride + (i%columns)*8*width)]; }
     // one number, the same for all lanes
     Address number(const RegExp &at) { return set == CODE_AVX512 ? ptr_b[at] : ptr[at]; }
     Address literal(const Label &l) { return set == CODE_AVX512 ? ptr_b[rip + l] : ptr[rip + l]; }
@@ -183,7 +184,7 @@ struct emitter : CodeGenerator {
     }
 
     void end() {
-        add(rbx, 8*width);
+        add(rbx, 8*width*columns);
         dec(r13);
         jnz(loop);
         vzeroupper();
@@ -228,9 +229,9 @@ int linkdyn_emit_width(enum code_set set) { return set == CODE_AVX512 ? 8 : set 
 // One is kept back for comparisons.
 int linkdyn_emit_registers(enum code_set set) { return has_many_registers(set) ? 31 : 15; }
 
-struct emitter *linkdyn_emit_open(enum code_set set, int lanes, size_t n_step, size_t n_function, const lane_functions *functions) {
+struct emitter *linkdyn_emit_open(enum code_set set, int lanes, int columns, size_t n_step, size_t n_function, const lane_functions *functions) {
     try {
-        return new emitter(set, lanes, step_bytes*n_step + function_bytes*n_function + literal_bytes, *functions);
+        return new emitter(set, lanes, columns, step_bytes*n_step + function_bytes*n_function + literal_bytes, *functions);
     } catch (...) {
         return nullptr;
     }

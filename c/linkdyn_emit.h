@@ -66,8 +66,9 @@ int linkdyn_emit_is_there(void);
 int linkdyn_emit_width(enum code_set set);
 /* Registers of the set on this processor that may hold numbers. */
 int linkdyn_emit_registers(enum code_set set);
-/* Room for `n_step` steps in `n_function` functions on slots of `lanes` numbers. NULL: no memory. */
-struct emitter *linkdyn_emit_open(enum code_set set, int lanes, size_t n_step, size_t n_function, const struct lane_functions *functions);
+/* Room for `n_step` steps in `n_function` functions on slots of `lanes` numbers, of which `columns` columns are taken at once: with
+ * two of them slot 2 s + 1 of the steps is the second column of slot s. NULL: no memory. */
+struct emitter *linkdyn_emit_open(enum code_set set, int lanes, int columns, size_t n_step, size_t n_function, const struct lane_functions *functions);
 /* The offset of a new function. */
 size_t linkdyn_emit_begin(struct emitter *e);
 void linkdyn_emit_step(struct emitter *e, const struct emit_step *step);

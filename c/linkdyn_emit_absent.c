@@ -7,9 +7,9 @@ int linkdyn_emit_is_there(void) { return 0; }
 int linkdyn_emit_width(enum code_set set) { (void)set; return 1; }
 int linkdyn_emit_registers(enum code_set set) { (void)set; return 15; }
 
-struct emitter *linkdyn_emit_open(enum code_set set, int lanes, size_t n_step, size_t n_function, const struct lane_functions *functions)
+struct emitter *linkdyn_emit_open(enum code_set set, int lanes, int columns, size_t n_step, size_t n_function, const struct lane_functions *functions)
 {
-    (void)set, (void)lanes, (void)n_step, (void)n_function, (void)functions;
+    (void)set, (void)lanes, (void)columns, (void)n_step, (void)n_function, (void)functions;
     return NULL;
 }
 

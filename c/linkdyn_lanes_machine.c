@@ -35,9 +35,18 @@ enum { TABLE_HEAD = 2, MOST_PLACE_STEPS = 60 };    /* of look-ups in curves */
 typedef double wide_vd __attribute__((vector_size(8*VECTOR_LANES), may_alias));
 typedef int64_t wide_vi __attribute__((vector_size(8*VECTOR_LANES), may_alias));
 
+#if VECTOR_LANES == 8
+static inline int wide_any(wide_vi x) { return _mm512_movepi64_mask((__m512i)x) != 0; }
+#elif VECTOR_LANES == 4
+static inline int wide_any(wide_vi x) { return _mm256_movemask_pd((__m256d)x) != 0; }
+#else
+static inline int wide_any(wide_vi x) { return (x[0] | x[1]) < 0; }
+#endif
+
 #define vd wide_vd
 #define vi wide_vi
 #define DUP(x) ((vd){0} + (x))
+#define vector_any wide_any
 #define vector_sine_cosine wide_sine_cosine
 #define vector_arctangent wide_arctangent
 #define vector_whole wide_whole
@@ -95,8 +104,11 @@ static inline vd wide_choose(vi yes, vd a, vd b) { return (vd)(((vi)a & yes) | (
 typedef double one_vd __attribute__((vector_size(8), may_alias));
 typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 
+static inline int one_any(one_vi x) { return x[0] < 0; }
+
 #undef vd
 #undef vi
+#undef vector_any
 #undef vector_sine_cosine
 #undef vector_arctangent
 #undef vector_whole
@@ -117,6 +129,7 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #define VECTOR_LANES 1
 #define vd one_vd
 #define vi one_vi
+#define vector_any one_any
 #define vector_sine_cosine one_sine_cosine
 #define vector_arctangent one_arctangent
 #define vector_whole one_whole
@@ -158,7 +171,7 @@ static inline vd one_choose(vi yes, vd a, vd b) { return (vd)(((vi)a & yes) | ((
 
 /* ---------------------------------------------------------------- functions that machine code calls */
 
-static void call_wide_sine_cosine(const double *x, double *sine, double *cosine)
+__attribute__((flatten)) static void call_wide_sine_cosine(const double *x, double *sine, double *cosine)
 {
     wide_vd s, c;
     wide_sine_cosine(*(const wide_vd *)x, &s, &c);
@@ -181,7 +194,7 @@ static void call_wide_place(const double *a, const double *b, double *out, const
     *(wide_vd *)out = wide_place(*(const wide_vd *)a, *(const wide_vd *)b, table, is_farthest);
 }
 
-static void call_one_sine_cosine(const double *x, double *sine, double *cosine)
+__attribute__((flatten)) static void call_one_sine_cosine(const double *x, double *sine, double *cosine)
 {
     one_vd s, c;
     one_sine_cosine(*(const one_vd *)x, &s, &c);

@@ -1,6 +1,6 @@
 /* Sine, cosine and arctangent on vectors, branch-free: the same bits on every machine, since nothing here is contracted.
  *
- * Needs: vd, vi (vectors of doubles and of 64-bit integers), VECTOR_LANES, DUP(x).
+ * Needs: vd, vi (vectors of doubles and of 64-bit integers), VECTOR_LANES, DUP(x), vector_any(x): is a bit of the signs set?
  */
 
 /* The nearest whole number: numbers of 2^52 and more are whole. */
@@ -42,8 +42,9 @@ static inline void vector_sine_cosine(vd x, vd *sine, vd *cosine)
     vi cosine_bits = ((vi)c & ~odd) | ((vi)s & odd);
     *sine = (vd)(sine_bits ^ ((q & 2) << 62));
     *cosine = (vd)(cosine_bits ^ (((q + 1) & 2) << 62));
+    if (__builtin_expect(!vector_any(~(vi)((vd)((vi)x & INT64_MAX) < DUP(1.6e6))), 1)) return;
     for (int k = 0; k < VECTOR_LANES; k++) {  /* far away, infinite or no number: the library knows */
-        if (__builtin_expect(__builtin_fabs(x[k]) < 1.6e6, 1)) continue;
+        if (__builtin_fabs(x[k]) < 1.6e6) continue;
         (*sine)[k] = sin(x[k]);
         (*cosine)[k] = cos(x[k]);
     }

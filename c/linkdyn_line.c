@@ -113,6 +113,67 @@ int linkdyn_make_line(int n_step, const struct record_step *step, const int32_t 
     return 1;
 }
 
+/* Cycles until a result is there, on processors of today. */
+static int cycles_of(int kind)
+{
+    enum { ARITHMETIC = 4, DIVISION = 13, ROOT = 20, CALL = 80 };
+    if (kind >= LANE_ARCTANGENT) return CALL;
+    return kind == LANE_RECIPROCAL ? DIVISION : kind == LANE_ROOT ? ROOT : ARITHMETIC;
+}
+
+long linkdyn_longest_chain(const struct lane_line *line)
+{
+    long *ready = calloc(line->n_slot + 1, sizeof *ready), longest = 0;
+    if (!ready) return 0;
+    for (int k = 0; k < line->n_step; k++) {
+        const struct lane_step *s = &line->step[k];
+        const int operand[3] = {s->x, s->b, s->c};
+        long begin = 0;
+        for (int i = 0; i < 3; i++)
+            if (operand[i] != NO_SLOT && ready[operand[i]] > begin) begin = ready[operand[i]];
+        ready[s->out] = begin + cycles_of(s->kind);
+        if (s->second != NO_SLOT) ready[s->second] = ready[s->out];
+        if (ready[s->out] > longest) longest = ready[s->out];
+    }
+    free(ready);
+    return longest;
+}
+
+static int slot_of_column(const struct lane_line *line, int slot, int column)
+{
+    if (slot == NO_SLOT) return NO_SLOT;
+    return 2*slot + (linkdyn_is_constant(line, slot) ? 0 : column);
+}
+
+int linkdyn_pair_line(const struct lane_line *line, struct lane_line *pair)
+{
+    const int n_output = line->n_group > 0 ? line->output_end[line->n_group - 1] : 0;
+    *pair = (struct lane_line){.n_step = 2*line->n_step, .n_group = line->n_group, .n_slot = 2*line->n_slot + 1,
+        .first_constant = 2*line->first_constant, .n_constant = 2*line->n_constant};
+    pair->step = malloc(sizeof *pair->step*(pair->n_step + 1));
+    pair->step_end = malloc(sizeof *pair->step_end*(line->n_group + 1));
+    pair->output_end = malloc(sizeof *pair->output_end*(line->n_group + 1));
+    pair->output = malloc(sizeof *pair->output*(2*n_output + 1));
+    if (!pair->step || !pair->step_end || !pair->output_end || !pair->output) return 0;
+    for (int c = 0; c < 2; c++) {
+        for (int k = 0; k < line->n_step; k++) {
+            struct lane_step *s = &pair->step[2*k + c];
+            *s = line->step[k];
+            s->out = slot_of_column(line, s->out, c);
+            s->second = slot_of_column(line, s->second, c);
+            s->x = slot_of_column(line, s->x, c);
+            s->b = slot_of_column(line, s->b, c);
+            s->c = slot_of_column(line, s->c, c);
+        }
+        for (int i = 0; i < n_output; i++) pair->output[2*i + c] = slot_of_column(line, line->output[i], c);
+    }
+    for (int g = 0; g < line->n_group; g++) {
+        pair->step_end[g] = 2*line->step_end[g];
+        pair->output_end[g] = 2*line->output_end[g];
+    }
+    return 1;
+}
+
 void linkdyn_free_line(struct lane_line *line)
 {
     free(line->step);

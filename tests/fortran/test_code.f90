@@ -96,18 +96,19 @@ contains
                       .and. index(told, "(no machine code for") == 0
     end function was_refused
 
-    !> A block, then each of its samples alone, behind each other.
+    !> A block, then each of its samples alone, then the first few as a block, behind each other.
     subroutine run_all(kernel, given, got)
         type(kernel_type), intent(in) :: kernel
         real(wp), intent(in) :: given(:, :)                !! (input, lane)
-        real(wp), allocatable, intent(out) :: got(:, :)    !! (output, 2 lanes)
+        real(wp), allocatable, intent(out) :: got(:, :)    !! (output, 2 lanes + few)
+        integer, parameter :: few = 2
         type(program_type) :: program
         type(block_space) :: lanes, single
         logical :: is_bad(size(given, 2))
         integer :: n, g, last, i
 
         n = size(given, 2)
-        allocate (got(kernel%n_output, 2*n))
+        allocate (got(kernel%n_output, 2*n + few))
         call make_program(kernel, program)
         call make_space(program, .false., lanes)
         call make_space(program, .true., single)
@@ -126,6 +127,12 @@ contains
                 call scatter_single(program, single, last + 1, got(last + 1:kernel%group_end(g), n + i))
                 last = kernel%group_end(g)
             end do
+        end do
+        last = 0
+        do g = 1, size(kernel%group_end)
+            call run_block(program, g, lanes, few)
+            call scatter(program, lanes, last + 1, kernel%group_end(g) - last, got(last + 1, 2*n + 1), kernel%n_output, few, is_bad)
+            last = kernel%group_end(g)
         end do
         call free_space(lanes)
         call free_space(single)
