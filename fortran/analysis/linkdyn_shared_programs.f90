@@ -18,6 +18,7 @@ module linkdyn_shared_programs
         type(recorded_rates), pointer :: of_motion => null()   !! for the forces that the scene's motion asks for; null: the same
         logical :: agrees = .false.                            !! the rates are there, and are those that lanes find
         logical :: sees = .false.                              !! and so is what is seen of the ends of steps
+        logical :: steps_agree = .false.                       !! whole steps are there, too, and lead to where their stages do
         type(representative_poses) :: poses                    !! of the mechanism
         type(kernel_family), pointer, private :: kernels => null()     !! of equations that lanes solve
         type(lane_program), pointer, private :: drives => null()       !! of laws that compare a joint's motion with another

@@ -23,7 +23,8 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, secant, take_branches
+    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, farthest_way, secant, &
+        take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between,
     !> and a method that controls its steps tries the like by the hundred.
@@ -313,8 +314,15 @@ contains
         real(wp), intent(in) :: stride
         real(wp), parameter :: well_within = 0.45_wp   !! rates grow on the way
 
-        longest_way = well_within*farthest_told*stride
+        longest_way = well_within*farthest_way(stride)
     end function longest_way
+
+    !> How far a coordinate may get on a way whose end tells of the assembly.
+    pure elemental real(wp) function farthest_way(stride)
+        real(wp), intent(in) :: stride
+
+        farthest_way = farthest_told*stride
+    end function farthest_way
 
     !> Doubt grows where a coordinate's way is so far that its end does not tell of the assembly.
     pure subroutine note_far(n, accepted, tried, stride, doubt)
@@ -325,7 +333,7 @@ contains
         integer :: lane
 
         do lane = 1, n
-            doubt(lane) = doubt(lane) + merge(1.0_wp, 0.0_wp, abs(tried(lane) - accepted(lane)) > farthest_told*stride)
+            doubt(lane) = doubt(lane) + merge(1.0_wp, 0.0_wp, abs(tried(lane) - accepted(lane)) > farthest_way(stride))
         end do
     end subroutine note_far
 

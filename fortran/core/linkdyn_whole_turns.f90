@@ -8,11 +8,15 @@ module linkdyn_whole_turns
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: whole_turns, take_off, with_turns, nearest_turns, told_turns, least_angle, has_vague_turn, may_have_turns
+    public :: whole_turns, take_off, with_turns, nearest_turns, told_turns, least_angle, has_vague_turn, may_have_turns, &
+        may_any_have_turns
 
     !> A turn in pieces of 30 bits, more than twice the digits of any kind of real.
     integer, parameter :: piece(0:7) = [6, 304067908, 280256794, 412666961, 470212838, 575800476, 71644134, 243286391]
     integer, parameter :: width = 30
+    !> Less than half a turn.
+    real(wp), parameter :: surely_none = 3
+
     !> Turns whose products with a piece are exact in double precision.
     real(wp), parameter :: most = 2.0_wp**22
 
@@ -36,10 +40,22 @@ contains
     !> Is an angle, or no number, more than surely less than half a turn away from zero?
     elemental logical function may_have_turns(angle)
         real(wp), intent(in) :: angle      !! [rad]
-        real(wp), parameter :: surely_none = 3    ! less than half a turn
 
         may_have_turns = .not. abs(angle) <= surely_none
     end function may_have_turns
+
+    !> Is one of some angles? Written without branches, as it is asked after each step on lanes.
+    pure logical function may_any_have_turns(n, angle)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: angle(n)   !! [rad]
+        integer :: i, n_near
+
+        n_near = 0
+        do i = 1, n
+            n_near = n_near + merge(1, 0, abs(angle(i)) <= surely_none)
+        end do
+        may_any_have_turns = n_near < n
+    end function may_any_have_turns
 
     !> The same of an angle that is told: half a turn is half a turn up, whichever way rounding has it. What is left is in
     !> (-pi, pi], but for rounding.

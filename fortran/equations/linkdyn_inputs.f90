@@ -19,7 +19,7 @@ module linkdyn_inputs
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
-    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, in_shared, add_inputs, add_block
+    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, in_shared, in_step, add_inputs, add_block
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -49,7 +49,8 @@ module linkdyn_inputs
     integer, parameter :: in_transposed = 22    !! right-hand sides of the transposed equations (n_unknown)
     integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6
                                                 !! n_joint)
-    integer, parameter :: n_block = 23
+    integer, parameter :: in_step = 24          !! of a whole step of an integrator, beside the state, as `step_inputs` tells
+    integer, parameter :: n_block = 24
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -182,9 +183,9 @@ contains
         end subroutine add
     end subroutine make_inputs
 
-    !> Further inputs, one for each equation.
+    !> Further inputs, which no request asks for.
     subroutine add_inputs(block, n, sample, blocks)
-        integer, intent(in) :: block                       !! `in_unknown` or `in_transposed`
+        integer, intent(in) :: block                       !! `in_unknown`, `in_transposed` or `in_step`
         integer, intent(in) :: n
         type(sample_set), intent(in) :: sample
         type(input_blocks), intent(inout) :: blocks

@@ -99,8 +99,10 @@ contains
     !> Has the last step made energy of nothing, or lost it? A method that estimates its errors, or takes steps that are short
     !> enough, errs by far less. Where two assemblies meet rates may be nothing but rounding: a step there may err little more
     !> than those before it have done.
-    subroutine judge_steps(assembly, check, is_broken)
-        type(carried_assembly), intent(in) :: assembly
+    pure subroutine judge_steps(n_map, margins, n_crossed, check, is_broken)
+        integer, intent(in) :: n_map
+        real(wp), intent(in) :: margins(lanes, n_map)  !! of the accepted state
+        integer, intent(in) :: n_crossed(lanes)        !! change points passed until then
         type(energy_check), intent(inout) :: check
         logical, intent(out) :: is_broken(lanes)
         real(wp), parameter :: gross = 0.01_wp         !! part of the energy in motion: a hundred such steps, and nothing is left
@@ -115,16 +117,16 @@ contains
         integer :: m
 
         margin = huge(1.0_wp)
-        do m = 1, size(assembly%margin, 2)
-            margin = min(margin, abs(assembly%margin(:, m)))
+        do m = 1, n_map
+            margin = min(margin, abs(margins(:, m)))
         end do
-        is_near = min(margin, check%margin) < near .or. assembly%n_crossed > check%n_crossed
+        is_near = min(margin, check%margin) < near .or. n_crossed > check%n_crossed
         error = max(abs(check%gained) - rounding*check%resolved, 0.0_wp)/max(check%moved, tiny(1.0_wp))
-        bound = merge(gross_far, gross, min(margin, check%margin) > far .and. assembly%n_crossed == check%n_crossed)
+        bound = merge(gross_far, gross, min(margin, check%margin) > far .and. n_crossed == check%n_crossed)
         is_broken = error > merge(min(max(fine, more*check%usual_error), gross), bound, is_near)
         where (.not. is_near) check%usual_error = error
         check%margin = margin
-        check%n_crossed = assembly%n_crossed
+        check%n_crossed = n_crossed
     end subroutine judge_steps
 
     !> A state, and those by whose energies its own is judged: a very little further on, and each component in error alone.

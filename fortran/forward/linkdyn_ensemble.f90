@@ -92,6 +92,7 @@ contains
             integer, parameter :: evaluations_a_step = 4
             real(wp), allocatable :: y(:, :)
             real(wp) :: n_evaluation
+            integer :: first(lanes), i
 
             if (.not. rates_by_record(options) .or. size(t) == 0) return
             n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
@@ -102,9 +103,11 @@ contains
             call build_forward_system(model, options%stage_solver, teller, status)
             if (.not. status%is_ok()) return
             allocate (y(lanes, teller%n))
-            call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
+            first = [(min(i, size(q_start, 2)), i=1, lanes)]
+            call fill_start(model, teller%layout, transpose(q_start(:, first)), transpose(qd_start(:, first)), y)
             call teller%begin(options%t_start, y)
             call teller%make_record(options%t_start)
+            call teller%make_steps_at_once(options%t_start, options%integrator%step, y)
         end subroutine make_shared_record
 
         !> One block of members; lanes beyond the last member repeat it.
@@ -118,6 +121,7 @@ contains
             call start_block(run, block, member, status)
             if (status%is_ok()) then
                 call run%system%begin(options%t_start, run%y)
+                call run%system%use_steps(options%t_start)
                 call start_integrator(run, model, options, status)
                 call leave_those_beyond_stops(run, options%t_start)
                 do i = 1, size(t)

@@ -2,12 +2,14 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, note_far
+    use linkdyn_carried_assembly, only: carried_assembly, accept_seen, note_doubt, secant, take_branches, note_far, &
+        farthest_way
     use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_effort_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice
+    use linkdyn_following, only: look_ahead
     use linkdyn_forward_state, only: state_layout, fill_start
     use linkdyn_group_stride, only: close_places
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_place
@@ -17,6 +19,7 @@ module linkdyn_forward_record
     use linkdyn_lane_sizes, only: find_sizes
     use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants, motion_at_instants
     use linkdyn_led_groups, only: lead_places
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, link_freedom, place_size
@@ -24,18 +27,19 @@ module linkdyn_forward_record
     use linkdyn_newton_group, only: sizes_away
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, make_rate_samples, &
-        free_rate_samples, run_rates, run_columns_of_states, apply_laws, take_measures
+        free_rate_samples, run_rates, run_columns_of_states, apply_laws, take_measures, record_steps
     use linkdyn_recorded_motors, only: settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
     use linkdyn_scene, only: effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
     use linkdyn_scene_program, only: input_wiring, wire_inputs
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
+    use linkdyn_step_program, only: state_places, step_judge
     use linkdyn_state_wires, only: state_wires, lay_wires, columns_of_states, carry, carry_with_turns, rates_of_states
     use linkdyn_uncertainty, only: is_surely_certain
     implicit none (type, external)
     private
-    public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, use_forward_rates, &
-        free_forward_record
+    public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, make_forward_steps, &
+        use_forward_rates, free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
         leave_doubtful, doubt_far, keep_stages, apply_record_laws, measure_states, run_losing, &
         is_led_there, accept_recorded
@@ -107,19 +111,12 @@ contains
         type(representative_poses), intent(inout) :: poses
         type(recorded_rates), intent(out) :: recorded
         type(look_choice), intent(in), optional :: choice      !! what steps are judged by; absent: nobody looks
-        type(trace_request) :: request
 
         if (.not. can_be_recorded(layout)) return
         call need_poses(model, spread(model%start_q, 2, 1), poses)
-        request%by_quaternion = any(layout%quaternion > 0)
-        allocate (request%has_load(6, model%n_load))
-        request%has_load = .true.
-        request%drive_is_unknown = unknown%drive
-        request%has_friction = size(model%contact) > 0
-        request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
-        call record_rates(model, request, wants_power, representatives(model, layout, poses%q, poses%assembly), &
-                          poses%stand, recorded, choice)
+        call record_rates(model, request_of(model, layout, unknown), wants_power, &
+                          representatives(model, layout, poses%q, poses%assembly), poses%stand, recorded, choice)
         if (recorded%is_usable .and. places_groups(recorded)) then
             ! from coordinates alone
             associate (n => size(poses%q, 2), there => poses%assembly)
@@ -130,6 +127,42 @@ contains
         end if
         call release_texts()
     end subroutine make_forward_rates
+
+    !> What is asked of a trace: accelerations, from states and what acts.
+    pure function request_of(model, layout, unknown) result(request)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(unknown_choice), intent(in) :: unknown
+        type(trace_request) :: request
+
+        request%by_quaternion = any(layout%quaternion > 0)
+        allocate (request%has_load(6, model%n_load))
+        request%has_load = .true.
+        request%drive_is_unknown = unknown%drive
+        request%has_friction = size(model%contact) > 0
+        request%acceleration_is_unknown = unknown%acceleration
+    end function request_of
+
+    !> Trace whole steps, too, of a scene whose rates hang on the state alone.
+    subroutine make_forward_steps(model, layout, unknown, wants_power, poses, recorded)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(unknown_choice), intent(in) :: unknown
+        logical, intent(in) :: wants_power             !! else powers are zero
+        type(representative_poses), intent(in) :: poses
+        type(recorded_rates), intent(inout) :: recorded
+        type(state_places) :: places
+        type(step_judge) :: judge
+
+        places = state_places(layout%n, layout%position(:model%n_q), layout%rate(:model%n_q), layout%quaternion, layout%work, &
+                              layout%supplied)
+        judge = step_judge(follows_assembly(model), model%scene%passes_change_points, look_ahead, &
+                           model%least_margin(:model%n_branch), farthest_way(model%stride(:model%n_q)))
+        call hold_texts()
+        call record_steps(request_of(model, layout, unknown), wants_power, places, judge, &
+                          representatives(model, layout, poses%q, poses%assembly), recorded)
+        call release_texts()
+    end subroutine make_forward_steps
 
     !> Are links placed by iteration in the record, too? Some it closes at once that the lanes do not: legs in any axes.
     pure logical function places_groups(recorded)

@@ -44,7 +44,7 @@ module linkdyn_forward_system
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lane_system, only: lane_system, lane_way
+    use linkdyn_lane_system, only: lane_system, lane_way, whole_steps
     use linkdyn_narrow_cams, only: cam_sight, plan_cam_sight
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_narrow_laws, only: plan_law_sight, has_to_look
@@ -57,6 +57,7 @@ module linkdyn_forward_system
     use linkdyn_scene, only: effort_inverse, effort_over, n_event, n_stop, n_clutch, n_controller
     use linkdyn_shared_programs, only: shared_programs, leave_programs, kernels_of
     use linkdyn_stage_places, only: forget_stages
+    use linkdyn_steps_at_once, only: steps_at_once
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
@@ -103,6 +104,7 @@ module linkdyn_forward_system
         type(shared_programs), pointer :: shared => null()    !! held; null: nobody has given or needed any
         type(forward_record) :: record
         type(forward_look) :: looks           !! at the ends of steps
+        type(steps_at_once), private :: steps !! whole ones, of ensembles
         integer :: n_by_record = 0                     !! evaluations by the record alone
         type(cam_sight), allocatable :: of_cams(:)     !! what the outlines of cams do within steps
         logical, private :: is_by_record = .false.     !! the state evaluated last was so by the record alone, whose first sample it
@@ -118,12 +120,16 @@ module linkdyn_forward_system
         procedure :: evaluate_alone => evaluate_one
         procedure :: evaluate_on_lanes
         procedure :: make_record
+        procedure :: make_steps_at_once
+        procedure :: use_steps
+        procedure :: take_whole_steps => take_steps_by_record
         procedure :: accept => accept_forward
         procedure :: begin_trial => begin_chain_of_stages
         procedure :: looks_wanted => looks_for_turns
         procedure :: see_within => follow_turns_within
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law, has_broken_law
+        procedure, private :: judge_energy
         procedure :: watch_ends
         procedure :: leads_too_far
         procedure :: part_in_sight
@@ -182,6 +188,29 @@ module linkdyn_forward_system
             real(wp), intent(inout) :: rate(n_lane, self%n)
             logical, intent(inout) :: is_left(n_lane)      !! that the record does not serve
         end subroutine evaluate_by_record
+
+        ! ---- linkdyn_forward_steps
+        !> Make whole steps, too, of the length and from the state given, where they serve; the record of the rates is there.
+        module subroutine make_steps_at_once(self, t, length, y)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t, length              !! [s]
+            real(wp), intent(in), contiguous :: y(:, :)
+        end subroutine make_steps_at_once
+
+        !> Use those that somebody has made.
+        module subroutine use_steps(self, t)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+        end subroutine use_steps
+
+        module subroutine take_steps_by_record(self, t, length, n_most, y, begin, rest, steps)
+            class(forward_system), intent(inout) :: self
+            real(wp), intent(in) :: t                      !! [s]
+            real(wp), intent(in) :: length                 !! [s]
+            integer, intent(in) :: n_most
+            real(wp), intent(inout), contiguous :: y(:, :), begin(:, :), rest(:, :)
+            type(whole_steps), intent(inout) :: steps
+        end subroutine take_steps_by_record
 
         ! ---- linkdyn_forward_memory
         module subroutine remember(self, memory)
@@ -1088,10 +1117,22 @@ contains
         logical :: is_broken(lanes)
 
         is_broken = .false.
-        if (.not. (self%way%assembly%is_needed .and. self%wants_work)) return
-        call judge_steps(self%way%assembly, self%way%energy, is_broken)
-        where (is_broken .and. self%way%obstacle == sample_ok) self%way%obstacle = sample_branch_lost
+        if (.not. self%way%assembly%is_needed) return
+        call self%judge_energy(size(self%way%assembly%margin, 2), self%way%assembly%margin, is_broken)
     end function has_broken_law
+
+    !> The same of accepted states with these margins, whose energy has been weighed.
+    subroutine judge_energy(self, n_map, margin, is_broken)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n_map
+        real(wp), intent(in) :: margin(lanes, n_map)
+        logical, intent(out) :: is_broken(lanes)
+
+        is_broken = .false.
+        if (.not. self%wants_work) return
+        call judge_steps(n_map, margin, self%way%assembly%n_crossed, self%way%energy, is_broken)
+        where (is_broken .and. self%way%obstacle == sample_ok) self%way%obstacle = sample_branch_lost
+    end subroutine judge_energy
 
     !> Energy that is there but was not supplied, since the last accepted state, over what the errors allowed and rounding
     !> would make.

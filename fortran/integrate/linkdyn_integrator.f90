@@ -12,7 +12,7 @@ module linkdyn_integrator
     use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
     use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
-    use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
+    use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start
     use linkdyn_seulex, only: seulex_method
     use linkdyn_step_control, only: step_control, controlled_step, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -318,7 +318,8 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout), contiguous :: y(:, :)
         real(wp), parameter :: slack = 1.0e-6_wp    !! of a step: a span that is a whole number of steps but for rounding
-        real(wp) :: h, instant(lanes), length(lanes)
+        integer(int64), parameter :: most_at_once = 200    !! steps of large mechanisms then take milliseconds
+        real(wp) :: h, instant(lanes)
         logical :: failed(lanes)
         integer :: k, n_jump
 
@@ -341,25 +342,29 @@ contains
                 cycle
             end if
             n_jump = system%n_jump
-            instant = self%t
-            length = h
-            call rk4_step(system, instant, length, y, self%work, failed)
+            call rk4_steps(system, self%t, h, int(min(self%n_span - self%i_step, most_at_once)), y, self%work, failed)
             call self%pause%note_work()
-            self%n_evaluation = self%n_evaluation + 4
+            self%n_evaluation = self%n_evaluation + 4*self%work%steps%n
             if (any(self%failed)) then
                 do k = 1, system%n
                     y(:, k) = merge(self%work%begin(:, k), y(:, k), self%failed)
                 end do
             end if
             self%failed = self%failed .or. failed
-            self%i_step = self%i_step + 1
+            self%n_step = self%n_step + self%work%steps%n - 1          ! the last is noted when it has been accepted
+            self%i_step = self%i_step + self%work%steps%n
             self%t = self%span_start + self%i_step*h
             if (self%i_step == self%n_span) self%t = t_end
+            if (self%work%steps%n > 1) where (.not. self%failed) self%good_until = self%span_start + (self%i_step - 1)*h
             if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
             if (all(self%failed)) return
-            instant = self%t
-            call system%accept(instant, y, .not. self%failed)
-            call undo_broken_steps(self, system, n_jump, self%work%begin, y)
+            if (self%work%steps%is_accepted) then
+                call undo_steps(self, self%work%steps%is_broken, self%work%begin, y)
+            else
+                instant = self%t
+                call system%accept(instant, y, .not. self%failed)
+                call undo_broken_steps(self, system, n_jump, self%work%begin, y)
+            end if
             if (all(self%failed)) return
             where (.not. self%failed) self%good_until = self%t
             call take_turns_off(self, system, y)
@@ -376,18 +381,28 @@ contains
         integer, intent(in) :: n_jump                           !! of the system, before the step
         real(wp), intent(in) :: kept(:, :)                      !! solution there (lane, n)
         real(wp), intent(inout) :: y(:, :)                      !! after it
+
+        if (system%n_jump > n_jump) return
+        call undo_steps(self, system%has_broken_law(), kept, y)
+    end subroutine undo_broken_steps
+
+    !> Lanes stay where they were.
+    subroutine undo_steps(self, are_broken, kept, y)
+        type(integrator_type), intent(inout) :: self
+        logical, intent(in) :: are_broken(lanes)
+        real(wp), intent(in) :: kept(:, :)                      !! solution there (lane, n)
+        real(wp), intent(inout) :: y(:, :)                      !! after it
         logical :: is_broken(lanes)
         integer :: k
 
-        if (system%n_jump > n_jump) return
-        is_broken = system%has_broken_law() .and. .not. self%failed
+        is_broken = are_broken .and. .not. self%failed
         if (.not. any(is_broken)) return
         do k = 1, size(y, 2)
             where (is_broken) y(:, k) = kept(:, k)
         end do
         self%failed = self%failed .or. is_broken
         if (all(self%failed)) self%reason = stop_law
-    end subroutine undo_broken_steps
+    end subroutine undo_steps
 
     !> One of the equal steps, in parts where guards cross: each lane has its own.
     subroutine step_watching(self, system, h, t_end, y)

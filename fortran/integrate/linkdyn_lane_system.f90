@@ -4,7 +4,7 @@ module linkdyn_lane_system
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
-    public :: lane_system, lane_way
+    public :: lane_system, lane_way, whole_steps
 
     !> What solutions keep of the way that they have come, beside y.
     type :: lane_way
@@ -18,6 +18,15 @@ module linkdyn_lane_system
         logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane,
                                                           !! n_guard)
     end type lane_way
+
+    !> What has become of equal steps that a system takes by itself.
+    type :: whole_steps
+        integer :: n = 0                                  !! taken: all but the last have been accepted, too
+        logical :: is_accepted = .false.                  !! so has the last
+        logical :: is_broken(lanes) = .false.             !! if it has: it breaks the law of the system, see `has_broken_law`
+        logical :: is_sure(lanes) = .false.               !! if none was taken: lanes whose step may be taken, and leads here:
+        real(wp), allocatable :: y(:, :), rest(:, :)      !! (lane, n)
+    end type whole_steps
 
     !> dy/dt = f(t, y), `lanes` solutions side by side.
     type, abstract, extends(lane_way) :: lane_system
@@ -56,6 +65,7 @@ module linkdyn_lane_system
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
         procedure, non_overridable :: evaluate_spread
+        procedure :: take_whole_steps
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
         procedure :: part_in_sight
@@ -118,6 +128,22 @@ contains
         call move_alloc(ys, self%y_alone)
         call move_alloc(rates, self%rate_alone)
     end subroutine evaluate_spread
+
+    !> Steps of the classical Runge-Kutta method, with what it adds to a system's numbers: for systems that know a shorter way to
+    !> where they lead than from stage to stage.
+    subroutine take_whole_steps(self, t, length, n_most, y, begin, rest, steps)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t                         !! an accepted state
+        real(wp), intent(in) :: length
+        integer, intent(in) :: n_most                     !! steps
+        real(wp), intent(inout), contiguous :: y(:, :)    !! there; where they lead (lane, n)
+        real(wp), intent(inout), contiguous :: begin(:, :)     !! where the last one has begun (lane, n)
+        real(wp), intent(inout), contiguous :: rest(:, :) !! to be added to y, less than its last place (lane, n)
+        type(whole_steps), intent(inout) :: steps
+
+        steps%n = 0
+        steps%is_sure = .false.
+    end subroutine take_whole_steps
 
     !> How far y breaks a law that every solution keeps, energy's say, over what the errors allowed would; 0 if none is known.
     !> An error estimate knows only of the places that a step has looked at.

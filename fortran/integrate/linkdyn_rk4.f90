@@ -8,11 +8,11 @@ module linkdyn_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_sizes, only: find_sizes
-    use linkdyn_lane_system, only: lane_system
+    use linkdyn_lane_system, only: lane_system, whole_steps
     use linkdyn_whole_turns, only: whole_turns, take_off, may_have_turns
     implicit none (type, external)
     private
-    public :: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
+    public :: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start
 
     !> Scratch of a step, and what goes from one to the next.
     type :: rk4_workspace
@@ -20,6 +20,7 @@ module linkdyn_rk4
         real(wp), allocatable :: begin(:, :)     !! where the step begins (lane, n)
         real(wp), allocatable :: first(:, :)     !! rates there (lane, n)
         real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
+        type(whole_steps) :: steps               !! that the system has taken by itself
     contains
         procedure :: prepare, take_turns_off
     end type rk4_workspace
@@ -103,6 +104,36 @@ contains
         call take_off(turns, y, self%rest)
         call system%note_turns(turns)
     end subroutine take_turns_off
+
+    !> Equal steps: as many at once as the system can take by itself, or one, stage by stage on the lanes where it cannot. All but
+    !> the last have been accepted, and none has failed. `work%steps` tells how many, and whether the last has been accepted, too.
+    subroutine rk4_steps(system, t, h, n_most, y, work, failed)
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t, h
+        integer, intent(in) :: n_most
+        real(wp), intent(inout), contiguous :: y(:, :) !! (lane, n)
+        type(rk4_workspace), intent(inout) :: work     !! `begin` is where the last of them began
+        logical, intent(out) :: failed(lanes)          !! at the last one: there y is where it began
+        real(wp) :: instant(lanes), length(lanes)
+        integer :: k
+
+        work%steps%is_accepted = .false.
+        call system%take_whole_steps(t, h, n_most, y, work%begin, work%rest, work%steps)
+        failed = .false.
+        if (work%steps%n > 0) return
+        instant = t
+        length = h
+        call rk4_step(system, instant, length, y, work, failed)
+        work%steps%n = 1
+        associate (is_sure => work%steps%is_sure)
+            if (.not. any(is_sure)) return
+            failed = failed .and. .not. is_sure
+            do k = 1, system%n
+                y(:, k) = merge(work%steps%y(:, k), y(:, k), is_sure)
+                work%rest(:, k) = merge(work%steps%rest(:, k), work%rest(:, k), is_sure)
+            end do
+        end associate
+    end subroutine rk4_steps
 
     !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
     subroutine rk4_step(system, t, h, y, work, failed)

@@ -29,7 +29,7 @@ module linkdyn_following
     private
     public :: follower, footing, way_report, follow_way, is_step_sound, doubt_unsound
     public :: way_arrived, way_at_singularity, way_ends, way_forks, way_too_long
-    public :: largest_contraction, untrusted
+    public :: largest_contraction, untrusted, look_ahead
 
     real(wp), parameter :: largest_contraction = 0.25_wp
     !> The margin of a closed form is the root of what is known to some roundings; below this it says nothing.

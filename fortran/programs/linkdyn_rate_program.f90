@@ -20,7 +20,7 @@ module linkdyn_rate_program
     use linkdyn_value, only: value, zero, one, operator(+), operator(*)
     implicit none (type, external)
     private
-    public :: rate_outputs, make_rate_program, trace_accelerations, powers, out_rates
+    public :: rate_outputs, make_rate_program, trace_accelerations, attitude_rates, powers, out_rates
 
     integer, parameter :: out_rates = 103      !! all that the program gives, in the order of `rate_outputs`
 

@@ -21,12 +21,14 @@ module linkdyn_recorded_rates
         free_friction_programs, free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
     use linkdyn_scene, only: law_spec, law_over, effort_over, side_joint, measure_time, is_sampled, n_event
+    use linkdyn_step_program, only: step_outputs, step_judge, state_places, make_step_program
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         run_columns, most_lanes, goes_to, free_scene_program, free_program_space, input_wiring, column_list, wire_inputs, run_wired
     implicit none (type, external)
     private
     public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
-        run_rates, run_columns_of_states, apply_laws, take_measures, run_looks, wire_looks, run_looks_on_lanes
+        run_rates, run_columns_of_states, apply_laws, take_measures, run_looks, wire_looks, run_looks_on_lanes, record_steps, &
+        wire_steps, run_steps_on_lanes
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
@@ -39,6 +41,8 @@ module linkdyn_recorded_rates
         type(input_wiring), private :: of_samples      !! all its inputs from samples
         type(scene_program) :: looks                   !! at the ends of steps; not made if nobody wants that
         type(look_outputs) :: look
+        type(scene_program) :: steps                   !! whole ones of equal length; not made before somebody asks
+        type(step_outputs) :: step
         type(friction_programs) :: friction            !! not made if nothing rubs
         type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no
                                                        !! places
@@ -76,7 +80,7 @@ module linkdyn_recorded_rates
         logical :: are_new = .true.                                    !! since the rates were run last; false: they take from the
                                                                        !! arrays what they took then
         type(sample_arrays), private :: arrays
-        type(program_space), private :: one, block, one_measured, block_measured, one_seen, block_seen
+        type(program_space), private :: one, block, one_measured, block_measured, one_seen, block_seen, block_stepped
         type(friction_space), private :: friction
     end type rate_samples
 
@@ -109,6 +113,21 @@ contains
             call make_look_program(recorded%model, request, choice, sample, recorded%looks, recorded%look)
     end subroutine record_rates
 
+    !> Trace whole steps of a scene whose rates have been recorded, and hang on nothing but the state.
+    subroutine record_steps(request, wants_power, places, judge, pose, recorded)
+        type(trace_request), intent(in) :: request
+        logical, intent(in) :: wants_power
+        type(state_places), intent(in) :: places
+        type(step_judge), intent(in) :: judge
+        type(sample_set), intent(in) :: pose                   !! as for the rates
+        type(recorded_rates), intent(inout) :: recorded
+        type(sample_set) :: sample
+
+        sample = pose
+        sample%of(in_branch)%x = spread(recorded%model%branch, 2, sample%n)
+        call make_step_program(recorded%model, request, wants_power, places, judge, sample, recorded%steps, recorded%step)
+    end subroutine record_steps
+
     !> Do continuous controllers look at measures?
     pure logical function measures_for_controllers(model)
         type(model_type), intent(in) :: model
@@ -123,6 +142,7 @@ contains
         call free_scene_program(recorded%program)
         call free_scene_program(recorded%measures)
         call free_scene_program(recorded%looks)
+        call free_scene_program(recorded%steps)
         call free_friction_programs(recorded%friction)
         call recorded%closing%free()
         if (associated(recorded%model)) deallocate (recorded%model)
@@ -181,6 +201,7 @@ contains
         call free_friction_space(samples%friction)
         call free_program_space(samples%one_seen)
         call free_program_space(samples%block_seen)
+        call free_program_space(samples%block_stepped)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)
         call free_program_space(samples%one)
@@ -401,4 +422,40 @@ contains
         samples%are_new = .false.
         call leave_alarmed(size(seen, 1), seen(:, recorded%look%alarm), seen(:, recorded%look%reach), samples%is_left)
     end subroutine run_looks_on_lanes
+
+    !> States come in columns to whoever takes steps on lanes, and so does what he knows beside them.
+    subroutine wire_steps(recorded, column, wiring)
+        type(recorded_rates), intent(in) :: recorded
+        type(column_list), intent(in) :: column(n_block)
+        type(input_wiring), intent(out) :: wiring
+
+        call wire_inputs(recorded%steps, column, wiring)
+    end subroutine wire_steps
+
+    !> Take a step on a whole block of lanes: what it takes, and what comes of it, as `step_inputs` tells.
+    subroutine run_steps_on_lanes(recorded, wiring, are_new, taken, samples, found, is_left)
+        type(recorded_rates), intent(in) :: recorded
+        type(input_wiring), intent(in) :: wiring
+        logical, intent(in) :: are_new                         !! other inputs may have changed since the last step
+        real(wp), intent(in), contiguous :: taken(:, :)        !! (lane, value)
+        type(rate_samples), intent(inout) :: samples
+        real(wp), intent(inout), contiguous :: found(:, :)     !! (lane, value)
+        logical, intent(out) :: is_left(:)                     !! it is not to be believed (lane)
+
+        is_left = .false.
+        call run_wired(recorded%steps, wiring, samples%arrays, are_new, size(taken, 1), taken, size(taken, 1), samples%one, &
+                       samples%block_stepped, size(found, 1), size(found, 2), found, is_left)
+        call leave_uncertain(size(found, 1), found(:, recorded%step%certain), is_left)
+    end subroutine run_steps_on_lanes
+
+    pure subroutine leave_uncertain(n, certain, is_left)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: certain(n)
+        logical, intent(inout) :: is_left(n)
+        integer :: i
+
+        do i = 1, n
+            is_left(i) = merge(is_left(i), .true., certain(i) > 0)
+        end do
+    end subroutine leave_uncertain
 end module linkdyn_recorded_rates
