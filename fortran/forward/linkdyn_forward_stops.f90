@@ -33,6 +33,7 @@ contains
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         before = away_from_stops(self%model, self%look, level_velocity)
+        call note_slips_at_impact()
         call find_touching(self, t, is_struck, strikes, touches)
         call find_impulses()
         call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
@@ -57,6 +58,15 @@ contains
         call renew_gaps(self, t, y, is_struck, rested)
 
     contains
+
+        !> What comes to rest here moves by rounding of these speeds: no clutch that closes later slips by that.
+        subroutine note_slips_at_impact()
+            real(wp) :: slip(lanes, n_clutch(self%model%scene))
+
+            if (size(slip, 2) == 0) return
+            slip = slip_speeds(self%model, slips(self%model, self%look, level_velocity))
+            where (spread(is_struck, 2, size(slip, 2))) self%way%clutch%fastest = max(self%way%clutch%fastest, slip)
+        end subroutine note_slips_at_impact
 
         !> Impulses, and the responses to them along which they go.
         subroutine find_impulses()
