@@ -7,7 +7,7 @@ module linkdyn_builder
     use linkdyn_gear_fit, only: gears_fit, settle_phases
     use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts, list_driven_apart
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, refuse_unheld, hold_spins
-    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
+    use linkdyn_joint_table, only: moment_directions, along_axes, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
     use linkdyn_elastic_links, only: take_arms
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -17,8 +17,8 @@ module linkdyn_builder
     use linkdyn_mesh_losses, only: shape_meshes
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
-    use linkdyn_model, only: model_type, take_motors, link_type, joint_type, leg_type, step_type, by_nothing, by_markers, by_fit, &
-        step_ups, step_csp, step_hung, step_group, is_dyad, is_rod_leg, orientation_of
+    use linkdyn_model, only: model_type, take_motors, list_joints_of_links, link_type, joint_type, leg_type, step_type, &
+        by_nothing, by_markers, by_fit, step_ups, step_csp, step_hung, step_group, is_dyad, is_rod_leg, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
@@ -32,6 +32,7 @@ module linkdyn_builder
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: mat3_lane
     use linkdyn_spread_starts, only: spread_starts
+    use linkdyn_welded_links, only: forget_carried_joints
     use linkdyn_strides, only: choose_strides
     implicit none (type, external)
     private
@@ -109,7 +110,8 @@ contains
             call copy_scene(scene, turned)
             do k = 1, size(open)
                 associate (step => model%step(open(k)))
-                    turned%joint(step%joint(2))%branch = nint(model%branch(step%first))*merge(-1, 1, btest(way, k - 1))
+                    turned%joint(model%joint(step%joint(2))%told)%branch = nint(model%branch(step%first)) &
+                                                                           *merge(-1, 1, btest(way, k - 1))
                 end associate
             end do
             status = status_type()
@@ -166,6 +168,7 @@ contains
             stand(:, :, l) = mat3_lane(state%rotation(orientation_of(model, l)), 1)
         end do
         call copy_model(model, loose)
+        call forget_carried_joints(loose)
         loose%joint%kind = loose%joint%told_kind
         call find_idle_spins(loose, spin)
         call choose_holds(loose, spin, hold, stand)
@@ -383,10 +386,11 @@ contains
         is_of_leg = .false.
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (is_dyad(step%kind)) is_meant(step%joint(:step%n_link + 1)) = .true.
-                if (any(step%kind == [step_csp, step_hung]) .or. is_rod_leg(step%kind)) is_meant(step%joint(2)) = .true.
-                if (step%kind == step_group) is_iterated(model%group(step%first)%joint) = .true.
-                if (step%kind == step_ups .and. step%branch /= 0) is_of_leg(step%joint(:3)) = .true.
+                if (is_dyad(step%kind)) is_meant(told(step%joint(:step%n_link + 1))) = .true.
+                if (any(step%kind == [step_csp, step_hung]) .or. is_rod_leg(step%kind)) &
+                    is_meant(told(step%joint(2))) = .true.
+                if (step%kind == step_group) is_iterated(told(model%group(step%first)%joint)) = .true.
+                if (step%kind == step_ups .and. step%branch /= 0) is_of_leg(told(step%joint(:3))) = .true.
             end associate
         end do
         do j = 1, model%n_joint
@@ -404,6 +408,14 @@ contains
                 end if
             end associate
         end do
+
+    contains
+
+        elemental integer function told(j)
+            integer, intent(in) :: j
+
+            told = model%joint(j)%told
+        end function told
     end subroutine refuse_idle_branches
 
     subroutine take_link(spec, link)
@@ -433,6 +445,7 @@ contains
             joint%kind = spec%kind
             if (spec%strand(at_stiffness) > 0) joint%kind = joint_loose        ! it pulls, and holds nothing
             joint%told_kind = spec%kind
+            joint%told = index
             joint%link = spec%link
             joint%pitch = spec%lead/two_pi
             do side = 1, 2
@@ -472,32 +485,6 @@ contains
         point = marker%at
         frame = marker_frame(marker)
     end subroutine take_marker
-
-    !> Which joints a link has, so that nobody need search for them. Gears hold nothing: they are not among them.
-    subroutine list_joints_of_links(model)
-        type(model_type), intent(inout) :: model
-        integer :: place(0:model%n_link), i, j, side
-
-        place = 0
-        do j = 1, model%n_joint
-            if (.not. is_geared(model%joint(j)%told_kind)) place(model%joint(j)%link) = place(model%joint(j)%link) + 1
-        end do
-        allocate (model%first_at(model%n_link + 1), model%joint_at(sum(place(1:))))
-        model%first_at(1) = 1
-        do i = 1, model%n_link
-            model%first_at(i + 1) = model%first_at(i) + place(i)
-        end do
-        place(1:) = model%first_at(:model%n_link)
-        do j = 1, model%n_joint
-            if (is_geared(model%joint(j)%told_kind)) cycle
-            do side = 1, 2
-                i = model%joint(j)%link(side)
-                if (i == frame_link) cycle
-                model%joint_at(place(i)) = j
-                place(i) = place(i) + 1
-            end do
-        end do
-    end subroutine list_joints_of_links
 
     !> Links that do not turn against each other and have parallel axes have one orientation; the frame's is 0.
     subroutine share_orientations(model)

@@ -5,7 +5,7 @@
 module linkdyn_group_closing
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinematic_state, only: kinematic_state, keep_slide
     use linkdyn_lane_count, only: lanes
     use linkdyn_steps_on_lanes, only: kernel_use, run_kernel, set_rates
     use linkdyn_model, only: model_type, group_type, orientation_of
@@ -148,7 +148,7 @@ contains
             do i = 1, size(joint)
                 do k = 1, n_slide(model%joint(joint(i))%kind)
                     n = n + 1
-                    state%slide(:, k, joint(i)) = found(:, n)
+                    call keep_slide(model, joint(i), k, found(:, n), state)
                 end do
             end do
             do i = n + 1, n + use%kernels%n_facing

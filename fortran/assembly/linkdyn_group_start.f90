@@ -440,7 +440,7 @@ contains
             integer :: v, lane, attempt
 
             q = 0
-            associate (spec => model%scene%joint(group%joint(i)))
+            associate (spec => model%scene%joint(model%joint(group%joint(i))%told))
                 do v = 1, joint_n_variable(spec%kind)
                     if (is_given(group%coordinate(v, i))) then
                         q(:, v) = given_position(model, state, group%coordinate(v, i))
@@ -481,6 +481,7 @@ contains
 
         is_led = .false.
         do j = model%n_joint + 1, size(model%joint)
+            if (.not. is_pose_part(model%joint(j)%kind)) cycle
             is_led = is_led .or. all(model%joint(j)%link == [frame_link, link])
         end do
     end function is_led
@@ -509,11 +510,11 @@ contains
         end do
         point = vec3(0*pose(:, 1), 0*pose(:, 1), 0*pose(:, 1))
         do j = model%n_joint + 1, size(model%joint)
-            if (any(model%joint(j)%link /= [frame_link, link])) cycle
+            if (any(model%joint(j)%link /= [frame_link, link]) .or. .not. is_pose_part(model%joint(j)%kind)) cycle
             if (model%joint(j)%kind == pose_position) point = vec3_of(model%joint(j)%point(:, 2))
             do k = 1, model%n_q
                 associate (c => model%scene%coordinate(k))
-                    if (c%kind /= coordinate_joint .or. c%joint /= j) cycle
+                    if (c%kind /= coordinate_joint .or. c%joint /= model%joint(j)%told) cycle
                     pose(:, c%variable + merge(0, 3, model%joint(j)%kind == pose_position)) = state%q(:, k)
                 end associate
             end do

@@ -7,7 +7,7 @@ module linkdyn_kinematic_pass
     use linkdyn_group_closing, only: move_loop
     use linkdyn_joint_table, only: n_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, velocities_only
+    use linkdyn_kinematic_state, only: kinematic_state, keep_slide, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_steps_on_lanes, only: kernel_use, begin_use, end_use, run_kernel, set_places, set_rates
     use linkdyn_model, only: model_type, step_type, step_pose, step_csp, step_group, is_dyad, link_freedom
@@ -157,7 +157,7 @@ contains
             do i = 1, size(part%joint)
                 do k = 1, n_slide(model%joint(part%joint(i))%kind)
                     n = n + 1
-                    state%slide(:, k, part%joint(i)) = found(:, n)
+                    call keep_slide(model, part%joint(i), k, found(:, n), state)
                 end do
             end do
             do i = n + 1, size(found, 2)

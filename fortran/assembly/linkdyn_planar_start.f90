@@ -203,7 +203,7 @@ contains
 
         branch = 0
         do i = 1, step%n_link + 1
-            associate (spec => model%scene%joint(step%joint(i)))
+            associate (spec => model%scene%joint(model%joint(step%joint(i))%told))
                 if (spec%branch == 0) cycle
                 if (.not. step%has_branches) then
                     call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: " &

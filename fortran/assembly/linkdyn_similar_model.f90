@@ -117,6 +117,8 @@ contains
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%pitch = scale*model%joint(i)%pitch
             similar%joint(i)%reach = scale*model%joint(i)%reach
+            similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
+            if (model%joint(i)%told /= i) cycle
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%scene%joint(i)%cam%radius = scale*model%scene%joint(i)%cam%radius
             similar%scene%joint(i)%cam%ground = scale*model%scene%joint(i)%cam%ground
@@ -124,7 +126,6 @@ contains
                 if (allocated(curve%u)) &
                     call scale_curve(scale, [(near_one([copy, of_cam, i, k]), k=1, size(curve%u) - 1)], curve)
             end associate
-            similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
             do k = 1, size(model%scene%joint(i)%start)
                 if (is_slide(model%joint(i)%told_kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
             end do

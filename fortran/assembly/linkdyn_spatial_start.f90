@@ -75,7 +75,7 @@ contains
         integer, intent(in) :: i                           !! step of the plan
 
         told = 1
-        if (model%step(i)%has_branches) told = model%scene%joint(model%step(i)%joint(2))%branch
+        if (model%step(i)%has_branches) told = model%scene%joint(model%joint(model%step(i)%joint(2))%told)%branch
     end function told_branch
 
     !> Is it a closed form with ways to choose from?

@@ -199,7 +199,7 @@ contains
                 call make_joint_kind(joint(j)%kind, mechanism%kind(j))
                 call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
                 if (joint(j)%kind == joint_cam) &
-                    call take_cam(mechanism%model%scene%joint(j)%cam, mechanism%model%is_planar, mechanism%kind(j))
+                    call take_cam(mechanism%model%scene%joint(joint(j)%told)%cam, mechanism%model%is_planar, mechanism%kind(j))
                 if (.not. mechanism%kind(j)%is%is_threaded) cycle
                 mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
                 mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch

@@ -28,7 +28,7 @@ contains
             associate (step => model%step(i))
                 if (step%kind /= step_ups) cycle
                 layout%in_own_axes(step%link(:2)) = .true.
-                layout%unknown_side(step%joint(:3)) = [side_of(model%joint(step%joint(1)), step%link(1)), &
+                layout%unknown_side(model%joint(step%joint(:3))%told) = [side_of(model%joint(step%joint(1)), step%link(1)), &
                                                        side_of(model%joint(step%joint(2)), step%link(1)), &
                                                        side_of(model%joint(step%joint(3)), step%link(2))]
             end associate
@@ -37,6 +37,7 @@ contains
             most = 0
             do i = model%first_at(l), model%first_at(l + 1) - 1
                 j = model%joint_at(i)
+                if (j > model%n_joint) cycle           ! it is carried over from another link
                 n = n_transmitted(model%joint(j)%kind, model%is_planar)
                 if (n(1) <= most) cycle
                 most = n(1)

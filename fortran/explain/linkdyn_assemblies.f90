@@ -62,10 +62,10 @@ contains
 
         joint = 0
         if (.not. step%has_branches) return
-        if (.not. is_of_chain(model, step%joint(2))) joint = step%joint(2)
+        if (.not. is_of_chain(model, step%joint(2))) joint = model%joint(step%joint(2))%told
         if (joint > 0 .or. .not. is_dyad(step%kind)) return
         do k = step%n_link + 1, 1, -1
-            if (.not. is_of_chain(model, step%joint(k))) joint = step%joint(k)
+            if (.not. is_of_chain(model, step%joint(k))) joint = model%joint(step%joint(k))%told
         end do
     end function chooser_of
 
@@ -120,7 +120,7 @@ contains
                     associate (joint => model%joint(group%joint(i)))
                         if (is_pose_part(joint%kind)) cycle
                         associate (is_simple => .not. turns_about_point(joint%told_kind))
-                            if (.not. (is_simple .or. model%scene%joint(group%joint(i))%has_start)) cycle
+                            if (.not. (is_simple .or. model%scene%joint(joint%told)%has_start)) cycle
                             do v = 1, joint_n_variable(joint%told_kind)
                                 if (group%coordinate(v, i) > 0) cycle
                                 list%telling = [list%telling, joint%first_variable + v]

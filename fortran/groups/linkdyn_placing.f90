@@ -160,9 +160,12 @@ contains
         integer :: i
 
         do i = 1, size(joint)
-            if (has_slide(mechanism, joint(i)) .or. .not. mechanism%kind(joint(i))%is%slides) cycle
-            pair = pair_of(mechanism, joint(i))
-            mechanism%slide(joint(i)) = pair%first.unrotate.pair%gap
+            if (.not. (has_slide(mechanism, joint(i)) .or. mechanism%kind(joint(i))%is%slides)) cycle
+            if (.not. has_slide(mechanism, joint(i))) then
+                pair = pair_of(mechanism, joint(i))
+                mechanism%slide(joint(i)) = pair%first.unrotate.pair%gap
+            end if
+            mechanism%slide(mechanism%model%joint(joint(i))%told) = mechanism%slide(joint(i))
         end do
     end subroutine measure_slides
 end module linkdyn_placing

@@ -86,7 +86,7 @@ contains
                 end associate
             end if
             if (joint%belt > 0) text = text//" belt"//listed([model%belt(joint%belt)%gear%carrier, model%belt(joint%belt)%joint])
-            if (joint%kind == joint_cam) text = text//" cam"//curve_text(model%scene%joint(i)%cam)
+            if (joint%kind == joint_cam) text = text//" cam"//curve_text(model%scene%joint(joint%told)%cam)
         end associate
     end function joint_text
 

@@ -16,7 +16,7 @@ module linkdyn_kinematic_state
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
-    public :: kinematic_state, prepare_kinematics, link_position, link_rotation, velocities_only
+    public :: kinematic_state, prepare_kinematics, keep_slide, link_position, link_rotation, velocities_only
 
     integer, parameter :: velocities_only = -1                !! in place of a number of columns: accelerations are not wanted
 
@@ -131,6 +131,17 @@ contains
             end do
         end associate
     end subroutine prepare_kinematics
+
+    !> How far a joint is slid, and with it the real one, if it is carried over from another link.
+    pure subroutine keep_slide(model, j, k, slide, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, k                     !! joint, slide
+        real(wp), intent(in) :: slide(lanes)            !! [m]
+        type(kinematic_state), intent(inout) :: state
+
+        state%slide(:, k, j) = slide
+        state%slide(:, k, model%joint(j)%told) = slide
+    end subroutine keep_slide
 
     !> Origin of a link on one lane, world axes; z is 0 in the plane.
     pure function link_position(model, state, link, lane) result(position)

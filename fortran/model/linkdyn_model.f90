@@ -3,7 +3,7 @@ module linkdyn_model
     use linkdyn_breadth, only: breadth
     use linkdyn_constants, only: pi
     use linkdyn_contact, only: contact_type
-    use linkdyn_joint_table, only: is_pose_part, is_slide, is_threaded, wraps
+    use linkdyn_joint_table, only: joint_fixed, is_geared, is_pose_part, is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
     use linkdyn_scene, only: scene_type, spring_spec, name_len, coordinate_joint, joint_spherical, joint_universal, &
@@ -13,7 +13,7 @@ module linkdyn_model
     private
     public :: model_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
         led_type, loose_type
-    public :: take_motors
+    public :: take_motors, list_joints_of_links
     public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
     public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_rrr, step_rrp, step_rpr, &
@@ -107,6 +107,8 @@ module linkdyn_model
         character(len=name_len) :: name = ""
         integer :: kind = 0                   !! by which it closes loops and transmits forces
         integer :: told_kind = 0              !! as the scene has it, and by which its variables are measured
+        integer :: told = 0                   !! its number in the scene: its own, but of one carried over from another link, see
+                                              !! `linkdyn_welded_links`
         integer :: link(2) = 0                !! 0 is the frame
         real(wp) :: point(3, 2) = 0           !! markers in link axes [m]
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
@@ -300,7 +302,8 @@ module linkdyn_model
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
         real(wp) :: gravity(3) = 0
         type(link_type), allocatable :: link(:)
-        type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links
+        type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links, then
+                                                     !! those carried over from other links
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
         type(payload_type), allocatable :: payload(:)
@@ -340,6 +343,41 @@ contains
         end do
     end subroutine take_motors
 
+    !> Which joints a link has, so that nobody need search for them. Gears hold nothing: they are not among them.
+    pure subroutine list_joints_of_links(model)
+        type(model_type), intent(inout) :: model
+        integer :: place(0:model%n_link), i, j, side
+
+        place = 0
+        do j = 1, size(model%joint)
+            if (is_listed(model%joint(j))) place(model%joint(j)%link) = place(model%joint(j)%link) + 1
+        end do
+        if (allocated(model%first_at)) deallocate (model%first_at, model%joint_at)
+        allocate (model%first_at(model%n_link + 1), model%joint_at(sum(place(1:))))
+        model%first_at(1) = 1
+        do i = 1, model%n_link
+            model%first_at(i + 1) = model%first_at(i) + place(i)
+        end do
+        place(1:) = model%first_at(:model%n_link)
+        do j = 1, size(model%joint)
+            if (.not. is_listed(model%joint(j))) cycle
+            do side = 1, 2
+                i = model%joint(j)%link(side)
+                if (i == 0) cycle
+                model%joint_at(place(i)) = j
+                place(i) = place(i) + 1
+            end do
+        end do
+
+    contains
+
+        pure logical function is_listed(joint)
+            type(joint_type), intent(in) :: joint
+
+            is_listed = .not. (is_geared(joint%told_kind) .or. is_pose_part(joint%kind))
+        end function is_listed
+    end subroutine list_joints_of_links
+
     !> The planar dyads by their inner joints, in the order of their states.
     pure function dyad_names(model) result(name)
         type(model_type), intent(in) :: model
@@ -349,7 +387,7 @@ contains
         name = ""
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (is_dyad(step%kind)) name(step%first) = model%scene%joint(step%joint(2))%name
+                if (is_dyad(step%kind)) name(step%first) = model%joint(step%joint(2))%name
             end associate
         end do
     end function dyad_names
@@ -656,11 +694,25 @@ contains
     end function leads_within
 
     !> A length typical of the mechanism [m], wherever in the world it is drawn; where all joints are at the origins of their links,
-    !> as in a spherical linkage drawn from its centre, there is none, and any does.
+    !> as in a spherical linkage drawn from its centre, there is none, and any does. Links that are placed as one count as one.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
+        logical :: counts(size(model%joint))
+        integer :: j
 
-        scene_size = size_of(model%joint(:model%n_joint))
+        associate (joint => model%joint, last => size(model%joint))
+            if (joint(last)%told == last) then
+                scene_size = size_of(joint(:model%n_joint))
+                return
+            end if
+            counts = [(j <= model%n_joint, j=1, last)]
+            do j = 1, last
+                if (joint(j)%told == j) cycle
+                counts(joint(j)%told) = .false.
+                counts(j) = joint(j)%kind /= joint_fixed .and. .not. is_pose_part(joint(j)%kind)
+            end do
+            scene_size = size_of(pack(joint, counts))
+        end associate
     end function scene_size
 
     !> How far joints of a link are from its origin, the largest [m].

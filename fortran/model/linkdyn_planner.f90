@@ -14,14 +14,15 @@ module linkdyn_planner
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
         step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, side_of, link_freedom, place_size, &
-        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg
+        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg, orientation_of
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
-        joint_cylindrical, joint_universal, joint_spherical
+        joint_cylindrical, joint_universal, joint_spherical, joint_fixed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_welded_links, only: welds_in_groups, lead_welded_links, name_carried_joints, forget_carried_joints
     implicit none (type, external)
     private
     public :: plan_steps, joint_constraints, mobility_of
@@ -72,35 +73,89 @@ contains
                                                          !! words takes longer than to plan; absent: false
         type(planning) :: plan
         type(grouping_type) :: grouping
-        type(tie_type), allocatable :: tie(:)
-        integer, allocatable :: tie_coordinate(:)
-        integer :: g
+        integer, allocatable :: tie_coordinate(:), weld(:)
+        logical :: is_planned
 
         if (.not. status%is_ok()) return
         if (present(closed_forms)) model%closed_forms = closed_forms
+        call forget_carried_joints(model)
+        call find_order(model, stand, plan, grouping, tie_coordinate, status)
+        if (.not. status%is_ok()) return
+        if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status, briefly)
+        if (grouping%lack > 0) call refuse_lack(model, grouping, status)
+        if (.not. status%is_ok()) return
+        is_planned = .false.
+        weld = welds_in_groups(model, grouping)
+        if (model%closed_forms .and. size(weld) > 0) call plan_welded_as_one(model, weld, stand, is_planned)
+        if (.not. is_planned) call place_groups(model, grouping, plan, status)
+    end subroutine plan_steps
+
+    !> The groups of links, in the order in which they can be placed.
+    subroutine find_order(model, stand, plan, grouping, tie_coordinate, status)
+        type(model_type), intent(inout) :: model
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! see `plan_steps`
+        type(planning), intent(out) :: plan
+        type(grouping_type), intent(out) :: grouping
+        integer, allocatable, intent(out) :: tie_coordinate(:)    !! see `list_ties`
+        type(status_type), intent(inout) :: status
+        type(tie_type), allocatable :: tie(:)
+
         if (present(stand)) allocate (plan%stand, source=stand)
         call forget_loose(model)
         allocate (plan%is_used(size(model%loose)), source=.false.)
-        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, size(model%joint)), &
-                  model%group(model%n_link))
+        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, size(model%joint)))
         plan%known = .false.
         plan%known(0) = .true.
         call take_poses(model, plan, status)
         if (.not. status%is_ok()) return
         call list_ties(model, plan, tie, tie_coordinate)
         call find_groups(link_freedom(model), plan%known(1:), model%n_joint, tie, grouping)
-        if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status, briefly)
-        if (grouping%lack > 0) call refuse_lack(model, grouping, status)
+    end subroutine find_order
+
+    !> Find the steps that place the groups.
+    subroutine place_groups(model, grouping, plan, status)
+        type(model_type), intent(inout) :: model
+        type(grouping_type), intent(in) :: grouping
+        type(planning), intent(inout) :: plan
+        type(status_type), intent(inout) :: status
+        integer :: g
+
+        allocate (model%group(model%n_link))
         do g = 1, grouping%n_group
             call place_group(model, grouping%member(grouping%first(g):grouping%first(g + 1) - 1), plan, status)
             if (.not. status%is_ok()) return
         end do
-        if (.not. status%is_ok()) return
         model%step = plan%step(:plan%n_step)
         model%group = model%group(:plan%n_group)
         call number_attitudes(model)
         call mark_moved_links(model)
-    end subroutine plan_steps
+    end subroutine place_groups
+
+    !> Links that are welded together in a loop are placed as one. If that leads to no plan, the model stays as it was.
+    subroutine plan_welded_as_one(model, weld, stand, is_planned)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: weld(:)                 !! between links that are placed together
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! see `plan_steps`
+        logical, intent(out) :: is_planned
+        type(model_type) :: before
+        type(planning) :: plan
+        type(grouping_type) :: grouping
+        type(status_type) :: status
+        integer, allocatable :: tie_coordinate(:)
+
+        before = model
+        call lead_welded_links(model, weld, is_planned)
+        if (.not. is_planned) return
+        call find_order(model, stand, plan, grouping, tie_coordinate, status)
+        is_planned = status%is_ok() .and. grouping%excess == 0 .and. grouping%lack == 0
+        if (is_planned) call place_groups(model, grouping, plan, status)
+        is_planned = is_planned .and. status%is_ok()
+        if (is_planned) then
+            call name_carried_joints(model, before%joint)
+        else
+            model = before
+        end if
+    end subroutine plan_welded_as_one
 
     subroutine add_step(plan, step)
         type(planning), intent(inout) :: plan
@@ -328,7 +383,7 @@ contains
 
     !> A link behind a joint from a known link whose variables are all coordinates.
     subroutine extend_open_chain(model, link, plan, status)
-        type(model_type), intent(in) :: model
+        type(model_type), intent(inout) :: model
         integer, intent(in) :: link
         type(planning), intent(inout) :: plan
         type(status_type), intent(inout) :: status
@@ -353,9 +408,32 @@ contains
                 end if
             end associate
             call add_step(plan, step)
+            if (model%joint(j)%kind == joint_fixed) call turn_follower(model, j, link)
             return
         end do
     end subroutine extend_open_chain
+
+    !> A link that is welded on may turn as one that is placed beside it: as the one that it follows does, or in axes that nobody
+    !> else has.
+    pure subroutine turn_follower(model, weld, link)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: weld, link
+
+        if (model%link(link)%orientation == orientation_of(model, sum(model%joint(weld)%link) - link)) return
+        call turn_by_itself(model, link)
+    end subroutine turn_follower
+
+    !> Let a link turn in axes that nobody else has.
+    pure subroutine turn_by_itself(model, link)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: link
+
+        associate (o => model%link(link)%orientation)
+            if (o > 0 .and. count(model%link%orientation == o) == 1) return
+            model%n_orientation = model%n_orientation + 1
+            o = model%n_orientation
+        end associate
+    end subroutine turn_by_itself
 
     !> A link whose pose is given by its parts, all of them as one known link sees them: one of its points, say, or bit by bit.
     subroutine place_by_parts(model, link, plan)
@@ -597,9 +675,7 @@ contains
             point_as_it_stands(model, plan%stand, outer_of_rod(step), rod_of(step)) &
             - point_as_it_stands(model, plan%stand, inner_of_rod(step), rod_of(step)))
         call add_step(plan, step)
-        if (count(model%link%orientation == model%link(rod_of(step))%orientation) == 1) return
-        model%n_orientation = model%n_orientation + 1
-        model%link(rod_of(step))%orientation = model%n_orientation
+        call turn_by_itself(model, rod_of(step))
     end subroutine add_rod
 
     !> A platform that parallel rods keep from turning, led by where it is: itself, its legs of lead and one rod each, then the
@@ -620,6 +696,7 @@ contains
         step%joint(1) = shift%position
         step%coordinate(:3) = plan%given(:, shift%position)
         call add_step(plan, step)
+        call turn_by_itself(model, shift%platform)
         do i = 1, n_pair
             call add_rod_leg(model, shift%leg(1, i), plan)
         end do
@@ -645,6 +722,7 @@ contains
         step%joint(:2*n_pair + 1) = [(shift%leg(1, i)%joint(2:3), i=1, n_pair), shift%leg(1, 1)%joint(1)]
         call add_margin(model, step)
         call add_step(plan, step)
+        call turn_by_itself(model, shift%platform)
         do k = 1, shift%n_rod
             do i = 1, n_pair
                 call add_lone_rod(model, shift, k, i, plan)

@@ -195,13 +195,14 @@ contains
                         if (l > 0) l = findloc(part%link, l, dim=1)
                     end associate
                 end do
+                m%joint(i)%told = i
                 m%joint(i)%gear = 0
                 m%joint(i)%belt = 0
             end do
             allocate (m%step(0), m%payload(0), &
                       m%gear(0), m%belt(0), m%motor(0), m%contact(0), m%loose(0), m%group(0), m%leg(0), m%led(0))
             allocate (m%scene%spring(0), m%scene%payload(0), m%scene%actuator(0), m%scene%load(0))
-            m%scene%joint = model%scene%joint(joint)
+            m%scene%joint = model%scene%joint(model%joint(joint)%told)
         end associate
     end subroutine begin_part
 

@@ -1,8 +1,29 @@
 """Inverse dynamics against itself by roads that share little."""
 from __future__ import annotations
 
+from typing import Any
+
 import linkdyn
 import numpy as np
+
+
+def hold_together(content: dict[str, Any], first: str, second: str, size: float = 0.5) -> None:
+    """Hold two links of a spatial scene whose axes coincide, as a weld would, by a hinge and a brace, which closed forms know nothing of: what
+    loops they are in is closed by iteration.
+
+    Parameters
+    ----------
+    size
+        How far the ends of the brace are from the hinge [m].
+    """
+    brace = f"{second}_brace"
+    links = {link["name"]: link for link in content["link"]}
+    links[first]["markers"] |= {"hinge": [0, 0, 0], "brace": [size, 0, 0]}
+    links[second]["markers"] |= {"hinge": [0, 0, 0], "brace": {"at": [0, size, 0], "axis": [0, 0, 1]}}
+    content["link"].append({"name": brace, "mass": 0.0, "markers": {"U": {"at": [0, 0, 0], "axis": [1, 0, 0]}, "S": [0, 0, size * 2**0.5]}})
+    content["joint"] += [{"name": f"{brace}_R", "type": "revolute", "between": [f"{first}.hinge", f"{second}.hinge"]},
+                         {"name": f"{brace}_U", "type": "universal", "between": [f"{second}.brace", f"{brace}.U"]},
+                         {"name": f"{brace}_S", "type": "spherical", "between": [f"{brace}.S", f"{first}.brace"]}]
 
 
 def agrees_with_itself(scene: linkdyn.Scene, step: float, within: float) -> None:

@@ -47,6 +47,8 @@ def iterated_twin(closed: linkdyn.Scene, content: dict[str, Any]) -> linkdyn.Sce
     poses = closed.poses(q=closed.motion([0.0])[0])
     content = in_two_parts(content)
     for link in content["link"]:
+        if "brace" in link["name"]:
+            continue
         k = closed.links.index(link["name"].removesuffix("_other"))
         link["start"] = {"position": poses.position[0, k].tolist(), "rotation": poses.rotation[0, k].tolist()}
     iterated = linkdyn.Scene(content)
@@ -110,7 +112,7 @@ def test_against_iteration(lead: str, in_order: bool) -> None:
     bound = 1e-11 * float(np.abs(two.driving_force[ok]).max())
     np.testing.assert_allclose(one.driving_force[ok], two.driving_force[ok], rtol=0, atol=bound)
     there, here = (scene.poses(q=q[ok]) for scene in (iterated, closed))
-    np.testing.assert_allclose(here.position, there.position[:, :-1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(here.position, there.position[:, : here.position.shape[1]], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("lead", LEADS)
@@ -313,7 +315,7 @@ def test_driven_over_the_limit_and_back() -> None:
     ok = one.status.values == 0
     assert 0.5 < ok.mean() < 1 and ok[-1] and "links 'platform' cannot be closed beyond P0" in one.attrs["failure"]
     here, there = (scene.poses(q=q, in_order=True).position[ok] for scene in (closed, iterated))
-    np.testing.assert_allclose(here, there[:, :-1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(here, there[:, : here.shape[1]], rtol=0, atol=1e-12)
 
 
 def _edge() -> float:

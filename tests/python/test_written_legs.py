@@ -10,7 +10,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
-from cross_checks import agrees_with_itself
+from cross_checks import agrees_with_itself, hold_together
 from numpy.typing import NDArray
 from test_said_otherwise import elements, matrix, other_link_axes, with_starts, write_markers
 
@@ -108,7 +108,7 @@ def standing(kind: str, base_is_first: bool) -> Content:
 
 
 def iterated(content: Content) -> linkdyn.Scene:
-    """Each lower half is of two parts of its own, between its joints, that are welded together: no leg of two links."""
+    """Each lower half is of two parts of its own, between its joints, that a hinge and a brace hold together: no leg of two links."""
     content = copy.deepcopy(content)
     for link in list(content["link"]):
         if not link["name"].startswith("lower"):
@@ -116,12 +116,10 @@ def iterated(content: Content) -> linkdyn.Scene:
         whole = np.array(elements(matrix(link["inertia"])))
         other = copy.deepcopy(link) | {"name": f"{link['name']}_half", "mass": 0.4 * link["mass"], "inertia": (0.4 * whole).tolist()}
         link |= {"mass": 0.6 * link["mass"], "inertia": (0.6 * whole).tolist()}
-        for half in (link, other):
-            half["markers"]["seam"] = [0.1, 0.2, 0.3]
         content["link"].append(other)
         slide = next(joint for joint in content["joint"] if f"{link['name']}.P" in joint["between"])
         slide["between"] = [end.replace(f"{link['name']}.P", f"{link['name']}_half.P") for end in slide["between"]]
-        content["joint"].append({"name": f"{link['name']}_weld", "type": "fixed", "between": [f"{link['name']}.seam", f"{link['name']}_half.seam"]})
+        hold_together(content, link["name"], other["name"])
     scene = linkdyn.Scene(content)
     assert scene.explain().count("Newton") == 6
     return scene
