@@ -448,6 +448,8 @@ contains
             joint%told = index
             joint%link = spec%link
             joint%pitch = spec%lead/two_pi
+            joint%start = spec%start
+            joint%has_start = spec%has_start
             do side = 1, 2
                 if (spec%marker(side) == 0) then
                     marker = marker_spec()

@@ -440,17 +440,17 @@ contains
             integer :: v, lane, attempt
 
             q = 0
-            associate (spec => model%scene%joint(model%joint(group%joint(i))%told))
-                do v = 1, joint_n_variable(spec%kind)
+            associate (joint => model%joint(group%joint(i)))
+                do v = 1, joint_n_variable(joint%told_kind)
                     if (is_given(group%coordinate(v, i))) then
                         q(:, v) = given_position(model, state, group%coordinate(v, i))
                         cycle
                     end if
-                    reach = merge(scene_size(model), pi, is_slide(spec%kind, v))
-                    if (is_threaded(spec%kind)) reach = scene_size(model)/abs(model%joint(group%joint(i))%pitch)
+                    reach = merge(scene_size(model), pi, is_slide(joint%told_kind, v))
+                    if (is_threaded(joint%told_kind)) reach = scene_size(model)/abs(joint%pitch)
                     do lane = 1, lanes
                         attempt = first + lane - 1
-                        q(lane, v) = spec%start(v)
+                        q(lane, v) = joint%start(v)
                         if (attempt > 2) q(lane, v) = q(lane, v) + reach*min(1.0_wp, 2*real(attempt, wp)/n_attempt) &
                                      *(2*counter_uniform(int(group%joint(i), int64), int(v, int64), int(attempt, int64)) - 1)
                     end do

@@ -32,7 +32,7 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: link(:), joint(:)
 
-        has_start = any(model%scene%link(link)%has_start) .or. any(model%scene%joint(model%joint(joint)%told)%has_start)
+        has_start = any(model%scene%link(link)%has_start) .or. any(model%joint(joint)%has_start)
     end function has_start
 
     !> Distance of some links and the joints between them.
@@ -54,10 +54,10 @@ contains
             square = square_of_joint(model, joint(i), state)
             if (spins(model, joint(i))) then
                 ! an idle spin counts last
-                if (model%scene%joint(model%joint(joint(i))%told)%has_start) distance%others = distance%others + square
+                if (model%joint(joint(i))%has_start) distance%others = distance%others + square
                 square = square_of_lines(model, joint(i), state)
             end if
-            if (model%scene%joint(model%joint(joint(i))%told)%has_start) then
+            if (model%joint(joint(i))%has_start) then
                 distance%given = distance%given + square
             else
                 distance%others = distance%others + square
@@ -108,13 +108,13 @@ contains
 
         call measure_one_joint(model, state, j, variable, rate)
         square = 0
-        associate (spec => model%scene%joint(model%joint(j)%told))
-            do v = 1, joint_n_variable(spec%kind)
-                off = variable(:, v) - spec%start(v)
-                if (is_slide(spec%kind, v)) then
+        associate (joint => model%joint(j))
+            do v = 1, joint_n_variable(joint%told_kind)
+                off = variable(:, v) - joint%start(v)
+                if (is_slide(joint%told_kind, v)) then
                     off = off/scene_size(model)
-                else if (is_threaded(spec%kind)) then
-                    off = off*model%joint(j)%pitch/scene_size(model)    ! turns count as the way that they go
+                else if (is_threaded(joint%told_kind)) then
+                    off = off*joint%pitch/scene_size(model)    ! turns count as the way that they go
                 else
                     off = least_angle(off)
                 end if
@@ -159,7 +159,7 @@ contains
 
         call measure_one_joint(model, state, j, variable, rate)
         now = rotation_of_quaternion(quaternion_of_rpy(variable(:, 1), variable(:, 2), variable(:, 3)))
-        associate (start => spread(model%scene%joint(model%joint(j)%told)%start, 1, lanes))
+        associate (start => spread(model%joint(j)%start, 1, lanes))
             at_start = rotation_of_quaternion(quaternion_of_rpy(start(:, 1), start(:, 2), start(:, 3)))
         end associate
         do side = 1, 2

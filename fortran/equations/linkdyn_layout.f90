@@ -21,16 +21,19 @@ contains
     function sparse_layout(model) result(layout)
         type(model_type), intent(in) :: model
         type(layout_type) :: layout
-        integer :: i, l, j, most, n(2)
+        integer :: i, k, l, j, most, n(2)
 
         layout = world_layout(model, about_origin)
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (step%kind /= step_ups) cycle
                 layout%in_own_axes(step%link(:2)) = .true.
-                layout%unknown_side(model%joint(step%joint(:3))%told) = [side_of(model%joint(step%joint(1)), step%link(1)), &
-                                                       side_of(model%joint(step%joint(2)), step%link(1)), &
-                                                       side_of(model%joint(step%joint(3)), step%link(2))]
+                do k = 1, 3
+                    associate (joint => model%joint(step%joint(k)))
+                        if (joint%kind /= model%joint(joint%told)%kind) cycle    ! it joins hinges
+                        layout%unknown_side(joint%told) = side_of(joint, step%link(1 + k/3))
+                    end associate
+                end do
             end associate
         end do
         do l = 1, model%n_link

@@ -120,7 +120,7 @@ contains
                     associate (joint => model%joint(group%joint(i)))
                         if (is_pose_part(joint%kind)) cycle
                         associate (is_simple => .not. turns_about_point(joint%told_kind))
-                            if (.not. (is_simple .or. model%scene%joint(joint%told)%has_start)) cycle
+                            if (.not. (is_simple .or. joint%has_start)) cycle
                             do v = 1, joint_n_variable(joint%told_kind)
                                 if (group%coordinate(v, i) > 0) cycle
                                 list%telling = [list%telling, joint%first_variable + v]

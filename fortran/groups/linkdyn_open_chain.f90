@@ -1,7 +1,8 @@
 !> Steps that place one link by coordinates: a pose that is given, and a link behind a joint, or behind the parts of a pose, whose
 !> variables are.
 module linkdyn_open_chain
-    use linkdyn_attitude, only: rotation_by_angles, rotation_by_quaternion, angular_velocity, angular_acceleration
+    use linkdyn_attitude, only: rotation_by_angles, rotation_by_quaternion, rotation_in_plane, angular_velocity, &
+        angular_acceleration
     use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, rotation_of, acceleration_of_origin, &
         acceleration_field, field_times
     use linkdyn_joint_kind, only: joint_shift
@@ -9,12 +10,12 @@ module linkdyn_open_chain
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, gravity_of
     use linkdyn_model, only: step_type
     use linkdyn_rates, only: rate_of
-    use linkdyn_value, only: value, zero, operator(+), operator(*)
-    use linkdyn_vector, only: vector, rotation, vector_of, zero_vector, unit_vector, operator(+), operator(-), operator(*), &
-        operator(.cross.), operator(.rotate.), operator(.unrotate.)
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, rotation, vector_of, zero_vector, unit_vector, identity_rotation, operator(+), &
+        operator(-), operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: take_pose, take_parts, walk_joint, walk_shift
+    public :: take_pose, take_parts, walk_joint, walk_hinge, walk_slide
 
 contains
 
@@ -134,6 +135,37 @@ contains
         end associate
         call walk_shift(mechanism, j, from_second, shift%turn, w, s, turner)
     end subroutine walk_joint
+
+    !> The link at a side of a hinge, from the angle by which it is turned against the other link. The joint counts its second link
+    !> against its first.
+    subroutine walk_hinge(mechanism, j, side, cosine, sine, rates)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: j, side
+        type(value), intent(in) :: cosine, sine, rates(2)
+        type(vector) :: rest(3)
+
+        rest = zero_vector()
+        if (side == 1) then
+            call walk_shift(mechanism, j, .true., rotation_in_plane(cosine, -sine), [-rates(1), -rates(2)]*unit_vector(3), rest)
+        else
+            call walk_shift(mechanism, j, .false., rotation_in_plane(cosine, sine), rates*unit_vector(3), rest)
+        end if
+    end subroutine walk_hinge
+
+    !> The link at a side of a slide, from how far it is along the axis from the other link, and the rates of that.
+    subroutine walk_slide(mechanism, j, side, slide)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: j, side
+        type(value), intent(in) :: slide(3)
+        type(vector) :: rest(2)
+
+        rest = zero_vector()
+        if (side == 1) then
+            call walk_shift(mechanism, j, .true., identity_rotation(), rest, [-slide(1), -slide(2), -slide(3)]*unit_vector(3))
+        else
+            call walk_shift(mechanism, j, .false., identity_rotation(), rest, slide*unit_vector(3))
+        end if
+    end subroutine walk_slide
 
     !> The link behind a joint of which is known how it is turned and slid.
     !>

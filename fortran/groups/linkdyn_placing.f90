@@ -8,9 +8,10 @@ module linkdyn_placing
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
+    use linkdyn_link_between, only: close_between
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rod, step_hung, step_group, is_dyad
+        step_rod, step_hung, step_between, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
     use linkdyn_parallel_rods, only: must_hold
     use linkdyn_rod_leg, only: close_rod_leg, close_rod
@@ -71,6 +72,8 @@ contains
         case (step_rod)
             call close_rod(mechanism, step)
             if (step%has_margin) call must_hold(mechanism, step)
+        case (step_between)
+            call close_between(mechanism, step)
         case (step_hung)
             call hang_on_rods(mechanism, step, branch, equations)
         case default
@@ -165,7 +168,9 @@ contains
                 pair = pair_of(mechanism, joint(i))
                 mechanism%slide(joint(i)) = pair%first.unrotate.pair%gap
             end if
-            mechanism%slide(mechanism%model%joint(joint(i))%told) = mechanism%slide(joint(i))
+            associate (model => mechanism%model, told => mechanism%model%joint(joint(i))%told)
+                if (model%joint(told)%kind == model%joint(joint(i))%kind) mechanism%slide(told) = mechanism%slide(joint(i))
+            end associate
         end do
     end subroutine measure_slides
 end module linkdyn_placing

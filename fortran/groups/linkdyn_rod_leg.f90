@@ -13,7 +13,6 @@
 !> hinge's axis. With t the way of E by a unit of the lead's variable, rod . t = -S, by which velocities and accelerations are
 !> divided. docs/theory.md derives the formulas.
 module linkdyn_rod_leg
-    use linkdyn_attitude, only: rotation_in_plane
     use linkdyn_bodies, only: bodies_type, world_axes, own_axes, set_vector, omega_of, alpha_of, point_position, point_velocity, &
         point_acceleration, carried_velocity, carried_acceleration, rotation_of
     use linkdyn_kinds, only: wp
@@ -21,10 +20,10 @@ module linkdyn_rod_leg
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, scene_rod, root_of, must_be_positive, least_square
     use linkdyn_model, only: step_type, step_rus, side_of, is_rod_leg, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     use linkdyn_named_unknowns, only: named, named_vector
-    use linkdyn_open_chain, only: walk_shift
+    use linkdyn_open_chain, only: walk_hinge, walk_slide
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, zero, one, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal, square, abs
-    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, identity_rotation, operator(+), operator(-), &
+    use linkdyn_value, only: value, zero, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal, square, abs
+    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, operator(+), operator(-), &
         operator(*), operator(.dot.), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
@@ -222,23 +221,15 @@ contains
         a(1) = a(1) + lead%rate_2*lead%way
     end subroutine move_lead
 
-    !> The joint counts its second link against its first.
     subroutine put_lead(mechanism, leg, lead)
         type(mechanism_type), intent(inout) :: mechanism
         type(rod_leg_type), intent(in) :: leg
         type(lead_type), intent(in) :: lead
-        type(vector) :: along(3), rest(3)              ! by the variable, its rate and second rate
-        type(value) :: sense
 
-        sense = one()
-        if (leg%first_side == 1) sense = -sense
-        rest = zero_vector()
-        along = [sense*lead%slide, sense*lead%rate, sense*lead%rate_2]*unit_vector(3)
         if (leg%turns) then
-            call walk_shift(mechanism, leg%first, leg%first_side == 1, rotation_in_plane(lead%cosine, sense*lead%sine), &
-                            along(2:), rest)
+            call walk_hinge(mechanism, leg%first, leg%first_side, lead%cosine, lead%sine, [lead%rate, lead%rate_2])
         else
-            call walk_shift(mechanism, leg%first, leg%first_side == 1, identity_rotation(), rest(2:), along)
+            call walk_slide(mechanism, leg%first, leg%first_side, [lead%slide, lead%rate, lead%rate_2])
         end if
     end subroutine put_lead
 

@@ -17,14 +17,14 @@ contains
         integer :: c, s, p, coupler, output
 
         found = .false.
-        do c = 1, model%n_joint
+        do c = 1, size(model%joint)
             coupler = unknown_end(c, joint_cylindrical)
             if (coupler < 0) cycle
-            do s = 1, model%n_joint
+            do s = 1, size(model%joint)
                 if (model%joint(s)%kind /= joint_spherical .or. .not. any(model%joint(s)%link == coupler)) cycle
                 output = sum(model%joint(s)%link) - coupler
                 if (known(output)) cycle
-                do p = 1, model%n_joint
+                do p = 1, size(model%joint)
                     if (unknown_end(p, joint_prismatic) /= output) cycle
                     step = step_type(kind=step_csp, n_link=2)
                     step%link(:2) = [coupler, output]

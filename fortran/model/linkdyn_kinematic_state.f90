@@ -140,7 +140,9 @@ contains
         type(kinematic_state), intent(inout) :: state
 
         state%slide(:, k, j) = slide
-        state%slide(:, k, model%joint(j)%told) = slide
+        associate (told => model%joint(j)%told)
+            if (model%joint(told)%kind == model%joint(j)%kind) state%slide(:, k, told) = slide
+        end associate
     end subroutine keep_slide
 
     !> Origin of a link on one lane, world axes; z is 0 in the plane.

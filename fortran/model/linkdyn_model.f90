@@ -16,8 +16,8 @@ module linkdyn_model
     public :: take_motors, list_joints_of_links
     public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
-    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_rrr, step_rrp, step_rpr, &
-        step_prp, step_ppr, step_group, step_parts, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_between, step_rrr, &
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
@@ -59,9 +59,10 @@ module linkdyn_model
     integer, parameter :: step_pus = 13      !! and a carriage and the rod behind it
     integer, parameter :: step_rod = 14      !! a rod between known links, see `linkdyn_rod_leg`
     integer, parameter :: step_hung = 15     !! a platform on three rods that does not turn, see `linkdyn_hung_platform`
-    character(len=24), parameter :: step_name(15) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+    integer, parameter :: step_between = 16  !! a cross or sleeve between known links, see `linkdyn_link_between`
+    character(len=24), parameter :: step_name(16) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", &
-        "RUS leg", "PUS leg", "rod", "platform on rods"]
+        "RUS leg", "PUS leg", "rod", "platform on rods", "link between"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -108,7 +109,11 @@ module linkdyn_model
         integer :: kind = 0                   !! by which it closes loops and transmits forces
         integer :: told_kind = 0              !! as the scene has it, and by which its variables are measured
         integer :: told = 0                   !! its number in the scene: its own, but of one carried over from another link, see
-                                              !! `linkdyn_welded_links`
+                                              !! `linkdyn_welded_links`; of one that joins others that of the first
+        integer :: joined = 0                 !! while it is planned: number of the joint that it is a part of, see
+                                              !! `linkdyn_joined_joints`; 0: none
+        real(wp) :: start(3) = 0              !! variables near which closure starts [m, rad]
+        logical :: has_start = .false.        !! the scene says of them
         integer :: link(2) = 0                !! 0 is the frame
         real(wp) :: point(3, 2) = 0           !! markers in link axes [m]
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
@@ -303,7 +308,7 @@ module linkdyn_model
         real(wp) :: gravity(3) = 0
         type(link_type), allocatable :: link(:)
         type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links, then
-                                                     !! those carried over from other links
+                                                     !! those that join others, and those carried over from other links
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
         type(payload_type), allocatable :: payload(:)
@@ -374,7 +379,7 @@ contains
         pure logical function is_listed(joint)
             type(joint_type), intent(in) :: joint
 
-            is_listed = .not. (is_geared(joint%told_kind) .or. is_pose_part(joint%kind))
+            is_listed = .not. (is_geared(joint%told_kind) .or. is_pose_part(joint%kind)) .and. joint%joined == 0
         end function is_listed
     end subroutine list_joints_of_links
 

@@ -8,13 +8,14 @@ module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: lead_by_loose, forget_loose
-    use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, variable_name, pose_position
+    use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, is_pose_part, variable_name, pose_position
+    use linkdyn_joined_joints, only: may_join, join_joints
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, side_of, link_freedom, place_size, &
-        rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg, orientation_of
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, step_between, side_of, link_freedom, &
+        place_size, rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg, orientation_of
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
@@ -73,8 +74,9 @@ contains
                                                          !! words takes longer than to plan; absent: false
         type(planning) :: plan
         type(grouping_type) :: grouping
+        type(model_type) :: before
         integer, allocatable :: tie_coordinate(:), weld(:)
-        logical :: is_planned
+        logical :: is_planned, may_be_joined
 
         if (.not. status%is_ok()) return
         if (present(closed_forms)) model%closed_forms = closed_forms
@@ -84,11 +86,40 @@ contains
         if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status, briefly)
         if (grouping%lack > 0) call refuse_lack(model, grouping, status)
         if (.not. status%is_ok()) return
-        is_planned = .false.
         weld = welds_in_groups(model, grouping)
-        if (model%closed_forms .and. size(weld) > 0) call plan_welded_as_one(model, weld, stand, is_planned)
+        if (.not. model%closed_forms) weld = [integer ::]
+        may_be_joined = model%closed_forms .and. may_join(model, grouping)
+        if (size(weld) > 0 .or. may_be_joined) before = model
+        is_planned = .false.
+        if (size(weld) > 0) call plan_otherwise(before, weld, .false., model, is_planned, stand)
         if (.not. is_planned) call place_groups(model, grouping, plan, status)
+        may_be_joined = status%is_ok() .and. (may_be_joined .or. is_planned)
+        if (may_be_joined) may_be_joined = n_iterated(model) > 0
+        if (may_be_joined) call plan_with_joined_joints(before, weld, model, stand)
     end subroutine plan_steps
+
+    !> Joints that are written in parts are taken for whole ones where that leaves fewer links to iteration, besides those between
+    !> the parts.
+    subroutine plan_with_joined_joints(before, weld, model, stand)
+        type(model_type), intent(in) :: before         !! not planned yet
+        integer, intent(in) :: weld(:)                 !! see `plan_otherwise`
+        type(model_type), intent(inout) :: model       !! planned
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! see `plan_steps`
+        type(model_type) :: joined
+        logical :: is_planned
+
+        call plan_otherwise(before, weld, .true., joined, is_planned, stand)
+        if (.not. is_planned) return
+        if (n_iterated(joined) + count(joined%step%kind == step_between) < n_iterated(model)) model = joined
+    end subroutine plan_with_joined_joints
+
+    !> Links closed by iteration.
+    pure integer function n_iterated(model)
+        type(model_type), intent(in) :: model
+        integer :: g
+
+        n_iterated = sum([(size(model%group(g)%link), g=1, size(model%group))])
+    end function n_iterated
 
     !> The groups of links, in the order in which they can be placed.
     subroutine find_order(model, stand, plan, grouping, tie_coordinate, status)
@@ -131,31 +162,44 @@ contains
         call mark_moved_links(model)
     end subroutine place_groups
 
-    !> Links that are welded together in a loop are placed as one. If that leads to no plan, the model stays as it was.
-    subroutine plan_welded_as_one(model, weld, stand, is_planned)
-        type(model_type), intent(inout) :: model
+    !> Plan with links that are welded together in a loop as one link, perhaps with joints in parts as one joint. If that leads to
+    !> no plan, the model is left as it was before.
+    subroutine plan_otherwise(before, weld, joins, model, is_planned, stand)
+        type(model_type), intent(in) :: before         !! not planned yet
         integer, intent(in) :: weld(:)                 !! between links that are placed together
-        real(wp), intent(in), optional :: stand(:, :, 0:)    !! see `plan_steps`
+        logical, intent(in) :: joins                   !! joints in parts are one
+        type(model_type), intent(inout) :: model
         logical, intent(out) :: is_planned
-        type(model_type) :: before
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! see `plan_steps`
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(status_type) :: status
         integer, allocatable :: tie_coordinate(:)
+        integer :: n_joined
 
-        before = model
+        model = before
         call lead_welded_links(model, weld, is_planned)
-        if (.not. is_planned) return
-        call find_order(model, stand, plan, grouping, tie_coordinate, status)
-        is_planned = status%is_ok() .and. grouping%excess == 0 .and. grouping%lack == 0
+        if (is_planned .or. joins) call find_order(model, stand, plan, grouping, tie_coordinate, status)
+        if (joins .and. is_good()) then
+            call join_joints(model, grouping, n_joined)
+            is_planned = n_joined > 0
+            if (is_planned) call find_order(model, stand, plan, grouping, tie_coordinate, status)
+        end if
+        is_planned = is_planned .and. is_good()
         if (is_planned) call place_groups(model, grouping, plan, status)
-        is_planned = is_planned .and. status%is_ok()
+        is_planned = is_planned .and. is_good()
         if (is_planned) then
             call name_carried_joints(model, before%joint)
         else
             model = before
         end if
-    end subroutine plan_welded_as_one
+
+    contains
+
+        pure logical function is_good()
+            is_good = status%is_ok() .and. grouping%excess == 0 .and. grouping%lack == 0
+        end function is_good
+    end subroutine plan_otherwise
 
     subroutine add_step(plan, step)
         type(planning), intent(inout) :: plan
@@ -211,6 +255,7 @@ contains
             tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
             ! the ties of gears are in the variables that they lead
             if (is_geared(model%joint(j)%told_kind)) tie(j) = tie_type()
+            if (model%joint(j)%joined > 0) tie(j) = tie_of_part(j)
         end do
         n = model%n_joint
         do j = 1, model%n_q
@@ -237,6 +282,19 @@ contains
         tie_coordinate = tie_coordinate(:n)
 
     contains
+
+        !> The joint whose parts are given ties the links at both ends, and the link between to these.
+        pure type(tie_type) function tie_of_part(j) result(tie)
+            integer, intent(in) :: j
+
+            associate (whole => model%joint(j)%joined)
+                if (model%joint(whole)%told == model%joint(j)%told) then
+                    tie = tie_type(unknown_links(whole), joint_constraints(model, model%joint(whole)%kind))
+                else
+                    tie = tie_type(tied_links([j, model%joint(whole)%told]), link_freedom(model))
+                end if
+            end associate
+        end function tie_of_part
 
         pure function unknown_links(joint) result(link)
             integer, intent(in) :: joint
@@ -288,6 +346,7 @@ contains
         subroutine place_directly()
             if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
             if (size(member) == 1 .and. plan%n_step == n_before) call place_by_parts(model, member(1), plan)
+            if (size(member) == 1 .and. plan%n_step == n_before) call close_between(model, member(1), plan)
             if (model%is_planar) call close_dyad(model, member, plan, status)
             if (.not. model%is_planar .and. size(member) == 2) then
                 call close_leg(model, member, plan)
@@ -465,6 +524,27 @@ contains
         call add_step(plan, step)
     end subroutine place_by_parts
 
+    !> A cross or sleeve between known links, whose two joints are one to whoever has placed these.
+    subroutine close_between(model, link, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: link
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
+        integer :: j
+
+        step = step_type(kind=step_between, n_link=1)
+        step%link(1) = link
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                if (joint%joined == 0 .or. all(joint%link /= link)) cycle
+                step%joint(merge(1, 2, model%joint(joint%joined)%told == joint%told)) = j
+            end associate
+        end do
+        if (any(step%joint(:2) == 0)) return
+        call add_step(plan, step)
+        call turn_follower(model, step%joint(1), link)
+    end subroutine close_between
+
     !> The three joints of a pair of links: to a known link, between them, to a known link. Zero if there are others.
     pure function joints_of_pair(model, pair, plan) result(joint)
         type(model_type), intent(in) :: model
@@ -575,6 +655,7 @@ contains
                 end do
             end do
             do j = model%n_joint + 1, size(model%joint)
+                if (.not. is_pose_part(model%joint(j)%kind)) cycle
                 if (any(is_member(model%joint(j)%link)) .and. all(is_member(model%joint(j)%link) &
                     .or. plan%known(model%joint(j)%link))) group%joint = [group%joint, j]
             end do

@@ -300,7 +300,8 @@ contains
         is_here = known
         is_here(member) = .true.
         n = 0
-        do j = 1, model%n_joint
+        do j = 1, size(model%joint)
+            if (is_pose_part(model%joint(j)%kind)) cycle
             associate (link => model%joint(j)%link)
                 if (all(is_here(link)) .and. .not. all(known(link))) n = n + 1
             end associate

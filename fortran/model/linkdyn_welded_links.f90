@@ -14,6 +14,7 @@ module linkdyn_welded_links
     implicit none (type, external)
     private
     public :: welds_in_groups, lead_welded_links, name_carried_joints, forget_carried_joints
+    public :: without_rounding, without_rounding_at_zero
 
     real(wp), parameter :: plain = 4*epsilon(1.0_wp)    !! so near to what it would be without rounding a number is that
 
@@ -165,6 +166,13 @@ contains
         if (abs(x - unit*anint(x/unit)) <= plain*unit) y = unit*anint(x/unit)
     end function without_rounding
 
+    !> A number among others of such a size that would be zero.
+    elemental real(wp) function without_rounding_at_zero(x, size) result(y)
+        real(wp), intent(in) :: x, size
+
+        y = merge(0.0_wp, x, abs(x) <= plain*size)
+    end function without_rounding_at_zero
+
     !> Do gears count from joints of the set? By how much is said of the joints as they are.
     pure logical function feeds_gears(model, link)
         type(model_type), intent(in) :: model
@@ -215,7 +223,7 @@ contains
 
         associate (point => joint%point(:, side), scale => maxval(abs([axes%origin, joint%point(:, side)])))
             point = axes%origin + matmul(axes%r, point)
-            where (abs(point) <= plain*scale) point = 0
+            point = without_rounding_at_zero(point, scale)
         end associate
         joint%frame(:, :, side) = without_rounding(matmul(axes%r, joint%frame(:, :, side)), 1.0_wp)
         joint%told_frame(:, :, side) = without_rounding(matmul(axes%r, joint%told_frame(:, :, side)), 1.0_wp)
@@ -242,13 +250,14 @@ contains
     subroutine name_carried_joints(model, real_joint)
         type(model_type), intent(inout) :: model        !! planned
         type(joint_type), intent(in) :: real_joint(:)
-        integer :: name(0:size(real_joint)), i, j
+        integer :: name(0:size(model%joint)), i, j
 
-        name = [(j, j=0, size(real_joint))]
+        name = [(j, j=0, size(model%joint))]
         do j = 1, size(real_joint)
             if (is_real(model%joint(j), real_joint(j))) cycle
             model%joint = [model%joint, model%joint(j)]
             name(j) = size(model%joint)
+            model%joint(name(j))%joined = 0
         end do
         do j = 1, size(real_joint)
             associate (leg => model%joint(j)%leg, attitude => model%joint(j)%attitude)

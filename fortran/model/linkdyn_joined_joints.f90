@@ -1,0 +1,200 @@
+!> Joints that are written in parts: two hinges whose axes cross at right angles, with the cross between them, are a universal
+!> joint, a hinge and a slide along it, with the sleeve between, a cylindrical one.
+!>
+!> Closed forms know of the whole joint. So, to whoever plans, it joins the links at both ends, and the link between is placed when
+!> these are: it has a single place there. Equations, reactions and measures keep the hinges as they are, and the mass of the link
+!> between. A joined joint is one more in the model's list, as is one carried over from another link (`linkdyn_welded_links`).
+module linkdyn_joined_joints
+    use linkdyn_assur_groups, only: grouping_type
+    use linkdyn_cross, only: cross
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, joint_type, side_of, list_joints_of_links
+    use linkdyn_welded_links, only: without_rounding, without_rounding_at_zero
+    implicit none (type, external)
+    private
+    public :: may_join, join_joints
+
+    real(wp), parameter :: alignment = 64*epsilon(1.0_wp)   !! how far from exact a given direction may be by rounding
+
+    !> A joint of the link between: its markers on that, and on the link at its other side.
+    type :: half_type
+        integer :: joint = 0
+        integer :: beyond = 0                               !! that link
+        real(wp) :: sense = 1                               !! -1: its variables count the other way than from the first half on
+        real(wp) :: point(3) = 0, own_point(3) = 0          !! axes of the link beyond, of that between [m]
+        real(wp) :: frame(3, 3) = 0, own_frame(3, 3) = 0
+    end type half_type
+
+contains
+
+    !> Is there a link in a group that may be one between?
+    pure logical function may_join(model, grouping)
+        type(model_type), intent(in) :: model
+        type(grouping_type), intent(in) :: grouping
+        integer :: g, i
+
+        may_join = .false.
+        if (model%is_planar) return
+        do g = 1, grouping%n_group
+            if (grouping%first(g + 1) - grouping%first(g) < 2) cycle
+            do i = grouping%first(g), grouping%first(g + 1) - 1
+                may_join = may_join .or. is_between(model, grouping%member(i))
+            end do
+        end do
+    end function may_join
+
+    !> Has a link no joints but two hinges, or a hinge and a slide, of which nothing is given?
+    pure logical function is_between(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        integer :: k
+
+        is_between = model%first_at(link + 1) - model%first_at(link) == 2
+        if (.not. is_between) return
+        associate (joint => model%joint(model%joint_at(model%first_at(link):model%first_at(link + 1) - 1)))
+            is_between = all(joint%kind == joint_revolute .or. joint%kind == joint_prismatic) &
+                         .and. any(joint%kind == joint_revolute) .and. all(joint%kind == joint%told_kind) &
+                         .and. .not. any(is_told_of(model, joint%told)) &
+                         .and. all(model%joint(model%n_joint + 1:)%link(1) /= link) &
+                         .and. all(model%joint(model%n_joint + 1:)%link(2) /= link)
+        end associate
+        do k = 1, size(model%gear)
+            is_between = is_between .and. all(model%joint(model%gear(k)%joint)%link /= link) .and. model%gear(k)%carrier /= link
+        end do
+    end function is_between
+
+    !> Is a joint's variable a coordinate, or do gears count with it?
+    elemental logical function is_told_of(model, j)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        integer :: i
+
+        is_told_of = any(model%scene%coordinate%joint == j)
+        do i = 1, size(model%led)
+            is_told_of = is_told_of .or. model%led(i)%joint == j .or. any(model%led(i)%source == j)
+        end do
+        do i = 1, size(model%loose)
+            is_told_of = is_told_of .or. any(model%loose(i)%joint == j)
+        end do
+    end function is_told_of
+
+    !> Join the joints of links between.
+    subroutine join_joints(model, grouping, n_joined)
+        type(model_type), intent(inout) :: model
+        type(grouping_type), intent(in) :: grouping
+        integer, intent(out) :: n_joined
+        type(joint_type) :: joined
+        type(half_type) :: half(2)
+        integer :: g, i
+        logical :: is_one
+
+        n_joined = 0
+        do g = 1, grouping%n_group
+            if (grouping%first(g + 1) - grouping%first(g) < 2) cycle
+            do i = grouping%first(g), grouping%first(g + 1) - 1
+                associate (link => grouping%member(i))
+                    if (.not. is_between(model, link)) cycle
+                    call look_at_halves(model, link, half)
+                    ! of two crosses in a row each would be placed by the other
+                    if (any(model%joint(half%joint)%joined > 0) .or. half(1)%beyond == half(2)%beyond) cycle
+                    if (model%joint(half(1)%joint)%kind == joint_prismatic) then
+                        call make_cylindrical(half, joined, is_one)
+                    else
+                        call make_universal(half, joined, is_one)
+                    end if
+                    if (.not. is_one) cycle
+                    call add_joined(model, half, joined)
+                    n_joined = n_joined + 1
+                end associate
+            end do
+        end do
+        if (n_joined > 0) call list_joints_of_links(model)
+    end subroutine join_joints
+
+    !> Both joints of a link between, a slide first.
+    pure subroutine look_at_halves(model, link, half)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(half_type), intent(out) :: half(2)
+        integer :: k, side
+
+        half%joint = model%joint_at(model%first_at(link):model%first_at(link) + 1)
+        if (model%joint(half(2)%joint)%kind == joint_prismatic) half = half([2, 1])
+        do k = 1, 2
+            associate (joint => model%joint(half(k)%joint), of => half(k))
+                side = side_of(joint, link)
+                of%beyond = joint%link(3 - side)
+                of%sense = merge(1, -1, side == 3 - k)
+                of%point = joint%point(:, 3 - side)
+                of%frame = joint%told_frame(:, :, 3 - side)
+                of%own_point = joint%point(:, side)
+                of%own_frame = joint%told_frame(:, :, side)
+            end associate
+        end do
+    end subroutine look_at_halves
+
+    !> Two hinges, if their axes cross at right angles.
+    pure subroutine make_universal(half, joined, is_one)
+        type(half_type), intent(in) :: half(2)
+        type(joint_type), intent(out) :: joined
+        logical, intent(out) :: is_one
+        real(wp) :: across(3), apart(3), second(3), bound
+
+        associate (z1 => half(1)%own_frame(:, 3), z2 => half(2)%own_frame(:, 3))
+            apart = half(2)%own_point - half(1)%own_point
+            bound = alignment*maxval(abs([half(1)%own_point, half(2)%own_point]))
+            across = cross(z1, z2)
+            is_one = abs(dot_product(z1, z2)) <= alignment .and. abs(dot_product(apart, across)) <= bound
+            if (.not. is_one) return
+            joined%kind = joint_universal
+            joined%point(:, 1) = half(1)%point + dot_product(apart, z1)*half(1)%frame(:, 3)
+            joined%point(:, 2) = half(2)%point - dot_product(apart, z2)*half(2)%frame(:, 3)
+            ! angles are zero where those of the hinges are: y of the first marker is then the second axis, x the same for both
+            second = matmul(half(1)%frame, matmul(z2, half(1)%own_frame))
+            joined%frame(:, :, 1) = reshape([cross(second, half(1)%frame(:, 3)), second, half(1)%frame(:, 3)], [3, 3])
+            joined%frame(:, :, 2) = matmul(half(2)%frame, matmul(transpose(half(2)%own_frame), &
+                                                                 reshape([-across, -z1, z2], [3, 3])))
+        end associate
+    end subroutine make_universal
+
+    !> A slide and a hinge, if their axes are parallel.
+    pure subroutine make_cylindrical(half, joined, is_one)
+        type(half_type), intent(in) :: half(2)
+        type(joint_type), intent(out) :: joined
+        logical, intent(out) :: is_one
+
+        is_one = norm2(cross(half(1)%own_frame(:, 3), half(2)%own_frame(:, 3))) <= alignment
+        if (.not. is_one) return
+        joined%kind = joint_cylindrical
+        joined%frame(:, :, 1) = half(1)%frame
+        joined%point(:, 1) = half(1)%point + matmul(half(1)%frame, matmul(half(2)%own_point - half(1)%own_point, half(1)%own_frame))
+        joined%frame(:, :, 2) = matmul(half(2)%frame, matmul(transpose(half(2)%own_frame), half(1)%own_frame))
+        joined%point(:, 2) = half(2)%point
+    end subroutine make_cylindrical
+
+    !> The joint of both halves behind the others.
+    pure subroutine add_joined(model, half, joined)
+        type(model_type), intent(inout) :: model
+        type(half_type), intent(in) :: half(2)
+        type(joint_type), intent(inout) :: joined
+        integer :: k
+
+        associate (first => model%joint(half(1)%joint), second => model%joint(half(2)%joint))
+            joined%name = first%name
+            joined%told = first%told
+            joined%first_variable = first%first_variable
+            joined%told_kind = joined%kind
+            joined%frame = without_rounding(joined%frame, 1.0_wp)
+            joined%told_frame = joined%frame
+            joined%point = without_rounding_at_zero(joined%point, max(maxval(abs(joined%point)), norm2(half(1)%own_point), &
+                                                                      norm2(half(2)%own_point)))
+            joined%link = half%beyond
+            joined%has_start = first%has_start .or. second%has_start
+            k = merge(1, 2, joined%kind == joint_universal)
+            joined%start([k, 3 - k]) = [half(1)%sense*first%start(1), half(2)%sense*second%start(1)]
+        end associate
+        model%joint = [model%joint, joined]
+        model%joint(half%joint)%joined = size(model%joint)
+    end subroutine add_joined
+end module linkdyn_joined_joints
