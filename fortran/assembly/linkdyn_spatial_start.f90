@@ -8,8 +8,8 @@ module linkdyn_spatial_start
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_hung, step_group, has_rod, &
-        turns_in_two, by_branch, by_start, by_nothing
+    use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_hung, step_between, &
+        step_gimbal, step_group, may_turn, turns_in_two, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_planar_start, only: place_all, start_group
     use linkdyn_start_choices, only: start_choices
@@ -82,7 +82,7 @@ contains
     elemental logical function is_closed(step)
         type(step_type), intent(in) :: step
 
-        is_closed = any(step%kind == [step_csp, step_hung]) .or. has_rod(step%kind)
+        is_closed = any(step%kind == [step_csp, step_hung]) .or. may_turn(step%kind)
     end function is_closed
 
     !> The way in which a closed form closes: its branch, and of a rod whichever way its universal joint is turned. Of the ways
@@ -101,7 +101,7 @@ contains
         associate (step => model%step(i))
             nearest%given = huge(1.0_wp)
             best = [merge(1, told, told == 0), 1]
-            least_turn = merge(-1, 1, has_rod(step%kind))
+            least_turn = merge(-1, 1, may_turn(step%kind))
             do branch = 1, -1, -2
                 if (told /= 0 .and. branch /= told) cycle
                 if (step%has_margin) state%branch(:, step%first) = branch
@@ -187,17 +187,25 @@ contains
         end subroutine take_way
     end subroutine choose_leg
 
-    !> How far the way is from the start in which a step closes. A platform on rods counts with these, which stand behind it.
+    !> How far the way is from the start in which a step closes. A platform on rods counts with these, which stand behind it, and so
+    !> does a gimbal with the link behind it.
     recursive subroutine measure_way(model, i, state, distance)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i
         type(kinematic_state), intent(inout) :: state
         type(start_distance), intent(out) :: distance
         type(start_distance) :: of_rod
-        integer :: k
+        integer :: k, beyond
 
         associate (step => model%step(i))
-            if (step%kind /= step_hung) then
+            if (step%kind == step_gimbal) then
+                ! the other link between counts with it
+                beyond = sum(model%joint(step%joint(2))%link) - step%link(1)
+                k = findloc(model%step%kind == step_between .and. model%step%link(1) == beyond, .true., dim=1)
+                call run_step(model, model%step(k), state)
+                distance = measure_distance(model, [step%link(1), beyond], step%joint(:3), state, .false.)
+                return
+            else if (step%kind /= step_hung) then
                 distance = measure_distance(model, step%link(:step%n_link), step%joint(:step%n_link + 1), state, .false.)
                 return
             end if
@@ -253,12 +261,12 @@ contains
         branch = merge(-1, 1, margin(1) < 0)
     end function side_at_start
 
-    !> Turn a rod round and choose its kernels anew.
+    !> Turn a rod or gimbal round and choose its kernels anew.
     subroutine turn_rod(model, i, turn)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i, turn
 
-        if (model%step(i)%turn == turn .or. .not. has_rod(model%step(i)%kind)) return
+        if (model%step(i)%turn == turn .or. .not. may_turn(model%step(i)%kind)) return
         model%step(i)%turn = turn
         call describe_step(model, i)
     end subroutine turn_rod

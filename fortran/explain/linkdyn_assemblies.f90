@@ -84,7 +84,7 @@ contains
         integer :: k
 
         associate (between => model%joint(step%joint(2)))
-            variable = between%first_variable + merge(3, 1, between%told_kind == joint_spherical)
+            variable = between%first_variable + merge(3, 1, model%joint(between%told)%told_kind == joint_spherical)
         end associate
         do k = 1, 3
             associate (joint => model%joint(step%joint(k)))

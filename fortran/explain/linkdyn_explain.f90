@@ -17,8 +17,8 @@ module linkdyn_explain
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_mesh_losses, only: worm_friction_angle
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rod, step_hung, step_between, step_rrr, step_rrp, step_group, step_name, n_hung_rod, base_of_hung, is_dyad, &
-        is_length, is_screw, &
+        step_rod, step_hung, step_between, step_gimbal, step_rrr, step_rrp, step_group, step_name, n_hung_rod, base_of_hung, &
+        is_dyad, is_length, is_screw, &
         place_size, side_of, turns_in_two, beyond_leg, holds_spin, is_released, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motor_loads, only: is_self_locking
@@ -436,11 +436,12 @@ contains
             text = "rod "//trim(model%link(step%link(1))%name)//" between " &
                    //name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
                    //name_of(model, sum(model%joint(step%joint(2))%link) - step%link(1))//": closed form"
-        case (step_between)
+        case (step_between, step_gimbal)
+            i = merge(2, 3, step%kind == step_between)
             text = trim(model%link(step%link(1))%name)//" between " &
                    //name_of(model, sum(model%joint(step%joint(1))%link) - step%link(1))//" and " &
-                   //name_of(model, sum(model%joint(step%joint(2))%link) - step%link(1))//" by joints " &
-                   //trim(model%joint(step%joint(1))%name)//" and "//trim(model%joint(step%joint(2))%name)//": closed form"
+                   //name_of(model, far_link(model, step))//" by joints "//trim(model%joint(step%joint(1))%name)//" and " &
+                   //trim(model%joint(step%joint(i))%name)//": closed form"
         case (step_hung)
             text = "platform "//trim(model%link(step%link(1))%name)//" on rods at"
             do i = 2, 2*n_hung_rod, 2
@@ -480,6 +481,18 @@ contains
             end do
         end function letters_of_leg
     end function step_in_words
+
+    !> The link at the far end of the joints of a link between.
+    pure integer function far_link(model, step) result(link)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        integer :: k
+
+        link = step%link(1)
+        do k = 2, count(step%joint > 0)
+            link = sum(model%joint(step%joint(k))%link) - link
+        end do
+    end function far_link
 
     !> The lecture's module where it has one.
     function dyad_in_words(model, step) result(text)

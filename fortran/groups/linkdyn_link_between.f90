@@ -1,18 +1,19 @@
 !> A link between two known ones that has a single place there, on all levels: the cross between the hinges of a universal joint,
-!> or the sleeve between hinge and slide of a cylindrical one. docs/theory.md derives the formulas.
+!> or the sleeve between hinge and slide of a cylindrical one. Of a ball in three hinges the first link between has two places, the
+!> other one is a cross between that and the last link. docs/theory.md derives the formulas.
 module linkdyn_link_between
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of, point_position, point_velocity, point_acceleration, &
         carried_velocity, carried_acceleration, rotation_of
     use linkdyn_joint_table, only: joint_prismatic
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of
     use linkdyn_open_chain, only: walk_hinge, walk_slide
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, rotation, operator(-), operator(.dot.), operator(.cross.), operator(.rotate.), &
-        operator(.unrotate.)
+    use linkdyn_value, only: value, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_vector, only: vector, rotation, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: close_between
+    public :: close_between, close_gimbal
 
     !> A joint with the link between: that one's side, and the known link.
     type :: end_type
@@ -75,6 +76,49 @@ contains
         end associate
         call walk_hinge(mechanism, near%joint, near%side, here%x*own%x + here%y*own%y, here%y*own%x - here%x*own%y, [rate, rate_2])
     end subroutine turn_between
+
+    !> Link of the step: the first between; joints: the three hinges in their order. Its second axis is square to the first and the
+    !> third, which the links at both ends tell, and points as first x third does, or the other way.
+    subroutine close_gimbal(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(end_type) :: near, middle, far
+        type(vector) :: first, second, third, across, here, own, normal, bend    ! axes in the world's; second in the markers'
+        type(vector) :: turning, turns_on
+        type(value) :: m, per_m, per, rate, rate_2
+        integer :: beyond
+
+        near = end_of(mechanism, step%joint(1), step%link(1))
+        middle = end_of(mechanism, step%joint(2), step%link(1))
+        beyond = middle%known
+        far = end_of(mechanism, step%joint(3), beyond)
+        associate (bodies => mechanism%bodies)
+            first = rotation_of(bodies, near%known) .rotate.near%frame%z
+            third = rotation_of(bodies, far%known) .rotate.far%frame%z
+            across = first.cross.third
+            ! with the first and the third axis in one line the second is anywhere
+            call must_be_positive(mechanism, (across.dot.across) - least_square)
+            m = sqrt(across.dot.across)
+            per_m = reciprocal(m)
+            call declare_inverse(m, per_m)
+            per = per_m
+            if (step%turn < 0) per = -per
+            second = per*across
+            here = near%frame.unrotate.(rotation_of(bodies, near%known) .unrotate.second)
+            own = near%own_frame.unrotate.middle%own_frame%z
+            ! of the second and third axes the second stays square to the third: (w - w of the far link) . normal = 0
+            normal = second.cross.third
+            turning = omega_of(bodies, far%known, world_axes) - omega_of(bodies, near%known, world_axes)
+            rate = -(per*(turning.dot.normal))
+            turns_on = omega_of(bodies, near%known, world_axes) + rate*first
+            bend = ((turns_on.cross.second) .cross.third) &
+                   + (second.cross.(omega_of(bodies, far%known, world_axes) .cross.third))
+            rate_2 = -(per*(((alpha_of(bodies, far%known, world_axes) - alpha_of(bodies, near%known, world_axes) &
+                              - rate*(omega_of(bodies, near%known, world_axes) .cross.first)) .dot.normal) &
+                            - ((turns_on - omega_of(bodies, far%known, world_axes)) .dot.bend)))
+        end associate
+        call walk_hinge(mechanism, near%joint, near%side, here%x*own%x + here%y*own%y, here%y*own%x - here%x*own%y, [rate, rate_2])
+    end subroutine close_gimbal
 
     !> A sleeve: it is as far along the slide as the far hinge.
     subroutine slide_between(mechanism, near, far)

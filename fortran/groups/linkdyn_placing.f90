@@ -8,10 +8,10 @@ module linkdyn_placing
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
-    use linkdyn_link_between, only: close_between
+    use linkdyn_link_between, only: close_between, close_gimbal
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_parts, step_ups, step_csp, step_rus, step_pus, &
-        step_rod, step_hung, step_between, step_group, is_dyad
+        step_rod, step_hung, step_between, step_gimbal, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, take_parts, walk_joint
     use linkdyn_parallel_rods, only: must_hold
     use linkdyn_rod_leg, only: close_rod_leg, close_rod
@@ -74,6 +74,8 @@ contains
             if (step%has_margin) call must_hold(mechanism, step)
         case (step_between)
             call close_between(mechanism, step)
+        case (step_gimbal)
+            call close_gimbal(mechanism, step)
         case (step_hung)
             call hang_on_rods(mechanism, step, branch, equations)
         case default

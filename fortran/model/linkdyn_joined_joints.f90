@@ -1,13 +1,14 @@
 !> Joints that are written in parts: two hinges whose axes cross at right angles, with the cross between them, are a universal
-!> joint, a hinge and a slide along it, with the sleeve between, a cylindrical one.
+!> joint, three such hinges in a point, with two links between, a spherical one, a hinge and a slide along it, with the sleeve
+!> between, a cylindrical one.
 !>
-!> Closed forms know of the whole joint. So, to whoever plans, it joins the links at both ends, and the link between is placed when
-!> these are: it has a single place there. Equations, reactions and measures keep the hinges as they are, and the mass of the link
+!> Closed forms know of the whole joint. So, to whoever plans, it joins the links at both ends, and the links between are placed
+!> when these are. Equations, reactions and measures keep the hinges as they are, and the mass of the link
 !> between. A joined joint is one more in the model's list, as is one carried over from another link (`linkdyn_welded_links`).
 module linkdyn_joined_joints
     use linkdyn_assur_groups, only: grouping_type
     use linkdyn_cross, only: cross
-    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, joint_type, side_of, list_joints_of_links
     use linkdyn_welded_links, only: without_rounding, without_rounding_at_zero
@@ -22,6 +23,7 @@ module linkdyn_joined_joints
         integer :: joint = 0
         integer :: beyond = 0                               !! that link
         real(wp) :: sense = 1                               !! -1: its variables count the other way than from the first half on
+        real(wp) :: start = 0                               !! of its variable, counted so [m, rad]
         real(wp) :: point(3) = 0, own_point(3) = 0          !! axes of the link beyond, of that between [m]
         real(wp) :: frame(3, 3) = 0, own_frame(3, 3) = 0
     end type half_type
@@ -79,38 +81,73 @@ contains
         end do
     end function is_told_of
 
-    !> Join the joints of links between.
-    subroutine join_joints(model, grouping, n_joined)
+    !> Join the joints of links between; balls first, of which universal joints are a part.
+    subroutine join_joints(model, grouping, n_between)
         type(model_type), intent(inout) :: model
         type(grouping_type), intent(in) :: grouping
-        integer, intent(out) :: n_joined
-        type(joint_type) :: joined
-        type(half_type) :: half(2)
+        integer, intent(out) :: n_between               !! links between
+        integer, allocatable :: link(:)
         integer :: g, i
-        logical :: is_one
 
-        n_joined = 0
+        n_between = 0
+        link = [integer ::]
         do g = 1, grouping%n_group
             if (grouping%first(g + 1) - grouping%first(g) < 2) cycle
             do i = grouping%first(g), grouping%first(g + 1) - 1
-                associate (link => grouping%member(i))
-                    if (.not. is_between(model, link)) cycle
-                    call look_at_halves(model, link, half)
-                    ! of two crosses in a row each would be placed by the other
-                    if (any(model%joint(half%joint)%joined > 0) .or. half(1)%beyond == half(2)%beyond) cycle
-                    if (model%joint(half(1)%joint)%kind == joint_prismatic) then
-                        call make_cylindrical(half, joined, is_one)
-                    else
-                        call make_universal(half, joined, is_one)
-                    end if
-                    if (.not. is_one) cycle
-                    call add_joined(model, half, joined)
-                    n_joined = n_joined + 1
-                end associate
+                if (is_between(model, grouping%member(i))) link = [link, grouping%member(i)]
             end do
         end do
-        if (n_joined > 0) call list_joints_of_links(model)
+        do i = 1, size(link)
+            call join_at(model, link(i), link, n_between)
+        end do
+        do i = 1, size(link)
+            call join_at(model, link(i), [integer ::], n_between)
+        end do
+        if (n_between > 0) call list_joints_of_links(model)
     end subroutine join_joints
+
+    !> Join the joints of a link between, and with it of one of the others beside it, if there are some.
+    subroutine join_at(model, link, others, n_between)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: link, others(:)
+        integer, intent(inout) :: n_between
+        type(joint_type) :: joined
+        type(half_type) :: half(2), next(2)
+        logical :: is_one
+
+        call look_at_halves(model, link, half)
+        if (any(model%joint(half%joint)%joined > 0)) return
+        if (size(others) > 0) then
+            if (any(model%joint(half%joint)%kind /= joint_revolute)) return
+            if (all(others /= half(2)%beyond)) call reverse(half)
+            if (all(others /= half(2)%beyond)) return
+            call look_at_halves(model, half(2)%beyond, next)
+            if (any(model%joint(next%joint)%joined > 0) .or. any(model%joint(next%joint)%kind /= joint_revolute)) return
+            if (next(1)%joint /= half(2)%joint) call reverse(next)
+            if (next(1)%joint /= half(2)%joint .or. half(1)%beyond == next(2)%beyond) return
+            call make_spherical(half, next, joined, is_one)
+            if (is_one) call add_joined(model, [half, next(2)], joined)
+            if (is_one) n_between = n_between + 2
+        else
+            if (half(1)%beyond == half(2)%beyond) return
+            if (model%joint(half(1)%joint)%kind == joint_prismatic) then
+                call make_cylindrical(half, joined, is_one)
+            else
+                call make_universal(half, joined, is_one)
+            end if
+            if (is_one) call add_joined(model, half, joined)
+            if (is_one) n_between = n_between + 1
+        end if
+    end subroutine join_at
+
+    !> The same halves from the other end on.
+    pure subroutine reverse(half)
+        type(half_type), intent(inout) :: half(2)
+
+        half = half([2, 1])
+        half%sense = -half%sense
+        half%start = -half%start
+    end subroutine reverse
 
     !> Both joints of a link between, a slide first.
     pure subroutine look_at_halves(model, link, half)
@@ -126,6 +163,7 @@ contains
                 side = side_of(joint, link)
                 of%beyond = joint%link(3 - side)
                 of%sense = merge(1, -1, side == 3 - k)
+                of%start = of%sense*joint%start(1)
                 of%point = joint%point(:, 3 - side)
                 of%frame = joint%told_frame(:, :, 3 - side)
                 of%own_point = joint%point(:, side)
@@ -158,6 +196,49 @@ contains
         end associate
     end subroutine make_universal
 
+    !> Three hinges, if each axis crosses the next at right angles in the same point. How far the last link is turned counts from
+    !> where the hinges' variables are those of their start.
+    pure subroutine make_spherical(half, next, joined, is_one)
+        type(half_type), intent(in) :: half(2), next(2)     !! of the first link between, of the second, which begins with the joint
+                                                            !! where the first ends
+        type(joint_type), intent(out) :: joined
+        logical, intent(out) :: is_one
+        type(joint_type) :: pair(2)
+        real(wp) :: bound
+
+        call make_universal(half, pair(1), is_one)
+        if (.not. is_one) return
+        call make_universal(next, pair(2), is_one)
+        if (.not. is_one) return
+        bound = alignment*maxval(abs([half(1)%own_point, half(2)%own_point, next(1)%own_point, next(2)%own_point]))
+        ! along the middle hinge the first axis crosses it where the third does
+        is_one = abs(dot_product(half(2)%own_point - half(1)%own_point, half(2)%own_frame(:, 3)) &
+                     + dot_product(next(2)%own_point - next(1)%own_point, next(1)%own_frame(:, 3))) <= bound
+        if (.not. is_one) return
+        joined%kind = joint_spherical
+        joined%point(:, 1) = pair(1)%point(:, 1)
+        joined%point(:, 2) = pair(2)%point(:, 2)
+        joined%frame(:, :, 1) = half(1)%frame
+        joined%frame(:, :, 2) = matmul(turn_back(next(2)), matmul(turn_back(half(2)), &
+                                                                  matmul(half(1)%own_frame, turned_back(half(1)%start))))
+    end subroutine make_spherical
+
+    !> From the axes of the link between to those of the link beyond a hinge that stands as at its start.
+    pure function turn_back(half) result(turn)
+        type(half_type), intent(in) :: half
+        real(wp) :: turn(3, 3)
+
+        turn = matmul(half%frame, matmul(turned_back(half%start), transpose(half%own_frame)))
+    end function turn_back
+
+    !> About z, by the angle less than zero.
+    pure function turned_back(angle) result(turn)
+        real(wp), intent(in) :: angle
+        real(wp) :: turn(3, 3)
+
+        turn = reshape([cos(angle), -sin(angle), 0.0_wp, sin(angle), cos(angle), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+    end function turned_back
+
     !> A slide and a hinge, if their axes are parallel.
     pure subroutine make_cylindrical(half, joined, is_one)
         type(half_type), intent(in) :: half(2)
@@ -173,28 +254,32 @@ contains
         joined%point(:, 2) = half(2)%point
     end subroutine make_cylindrical
 
-    !> The joint of both halves behind the others.
+    !> The joint of all its parts behind the others.
     pure subroutine add_joined(model, half, joined)
         type(model_type), intent(inout) :: model
-        type(half_type), intent(in) :: half(2)
+        type(half_type), intent(in) :: half(:)
         type(joint_type), intent(inout) :: joined
-        integer :: k
+        integer :: k, last
 
-        associate (first => model%joint(half(1)%joint), second => model%joint(half(2)%joint))
+        last = size(half)
+        associate (first => model%joint(half(1)%joint))
             joined%name = first%name
             joined%told = first%told
             joined%first_variable = first%first_variable
-            joined%told_kind = joined%kind
-            joined%frame = without_rounding(joined%frame, 1.0_wp)
-            joined%told_frame = joined%frame
-            joined%point = without_rounding_at_zero(joined%point, max(maxval(abs(joined%point)), norm2(half(1)%own_point), &
-                                                                      norm2(half(2)%own_point)))
-            joined%link = half%beyond
-            joined%has_start = first%has_start .or. second%has_start
-            k = merge(1, 2, joined%kind == joint_universal)
-            joined%start([k, 3 - k]) = [half(1)%sense*first%start(1), half(2)%sense*second%start(1)]
         end associate
+        joined%told_kind = joined%kind
+        joined%frame = without_rounding(joined%frame, 1.0_wp)
+        joined%told_frame = joined%frame
+        joined%point = without_rounding_at_zero(joined%point, max(maxval(abs(joined%point)), norm2(half(1)%own_point), &
+                                                                  norm2(half(last)%own_point)))
+        joined%link = [half(1)%beyond, half(last)%beyond]
+        joined%has_start = any(model%joint(half%joint)%has_start)
+        if (joined%kind == joint_universal) joined%start(:2) = half%start
+        if (joined%kind == joint_cylindrical) joined%start(:2) = [half(2)%start, half(1)%start]
         model%joint = [model%joint, joined]
-        model%joint(half%joint)%joined = size(model%joint)
+        do k = 1, last
+            model%joint(half(k)%joint)%joined = size(model%joint)
+            model%joint(half(k)%joint)%part = k
+        end do
     end subroutine add_joined
 end module linkdyn_joined_joints

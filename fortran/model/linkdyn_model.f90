@@ -16,13 +16,14 @@ module linkdyn_model
     public :: take_motors, list_joints_of_links
     public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
-    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_between, step_rrr, &
+    public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_between, step_gimbal, &
+        step_rrr, &
         step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &
         feels_shares
-    public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
+    public :: is_dyad, is_led_dyad, is_rod_leg, has_rod, may_turn, rod_of, inner_of_rod, outer_of_rod, universal_of_rod
     public :: turns_in_two, beyond_leg, direction_of_leg
     public :: n_hung_rod, base_of_hung, only_shifts
     public :: dyad_names, orientation_of, side_of, point_on, link_freedom, place_size, has_assemblies
@@ -60,9 +61,10 @@ module linkdyn_model
     integer, parameter :: step_rod = 14      !! a rod between known links, see `linkdyn_rod_leg`
     integer, parameter :: step_hung = 15     !! a platform on three rods that does not turn, see `linkdyn_hung_platform`
     integer, parameter :: step_between = 16  !! a cross or sleeve between known links, see `linkdyn_link_between`
-    character(len=24), parameter :: step_name(16) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+    integer, parameter :: step_gimbal = 17   !! the first link between the hinges of a ball in parts, likewise
+    character(len=24), parameter :: step_name(17) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group", "parts of a pose", &
-        "RUS leg", "PUS leg", "rod", "platform on rods", "link between"]
+        "RUS leg", "PUS leg", "rod", "platform on rods", "link between", "gimbal"]
 
     ! ---- what decides on an assembly at the start
     integer, parameter :: by_branch = 1      !! the key `branch`
@@ -112,6 +114,7 @@ module linkdyn_model
                                               !! `linkdyn_welded_links`; of one that joins others that of the first
         integer :: joined = 0                 !! while it is planned: number of the joint that it is a part of, see
                                               !! `linkdyn_joined_joints`; 0: none
+        integer :: part = 0                   !! the first, second or third of these, from the first link of that on
         real(wp) :: start(3) = 0              !! variables near which closure starts [m, rad]
         logical :: has_start = .false.        !! the scene says of them
         integer :: link(2) = 0                !! 0 is the frame
@@ -209,7 +212,7 @@ module linkdyn_model
         integer :: branch = 0                 !! of a leg: +1, its slide's axis points from its first end to its last, or -1; 0:
                                               !! written as a chain writes it, it has +1 and a turn of +1
         integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1; of a
-                                              !! rod, too
+                                              !! rod, too; of a gimbal +1, its second axis points as first x third does, or -1
         integer :: far_turn = 0               !! the same at the last end, if there is a universal joint, too
         integer :: number = 0                 !! in the plan
         real(wp) :: stance(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])    !! of a link that only shifts: its axes in those
@@ -478,6 +481,13 @@ contains
 
         is_rod_leg = kind == step_rus .or. kind == step_pus
     end function is_rod_leg
+
+    !> May a link of the step be turned in two ways that look alike to the links around?
+    elemental logical function may_turn(kind)
+        integer, intent(in) :: kind
+
+        may_turn = has_rod(kind) .or. kind == step_gimbal
+    end function may_turn
 
     !> Is there a rod in it, alone or behind such a lead?
     elemental logical function has_rod(kind)

@@ -14,8 +14,8 @@ module linkdyn_planner
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_dyad_plan, only: find_dyad, turn_round
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, step_between, side_of, link_freedom, &
-        place_size, rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg, orientation_of
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_rod, step_hung, step_between, step_gimbal, side_of, &
+        link_freedom, place_size, rod_of, inner_of_rod, outer_of_rod, universal_of_rod, turns_in_two, beyond_leg, orientation_of
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
@@ -110,7 +110,8 @@ contains
 
         call plan_otherwise(before, weld, .true., joined, is_planned, stand)
         if (.not. is_planned) return
-        if (n_iterated(joined) + count(joined%step%kind == step_between) < n_iterated(model)) model = joined
+        if (n_iterated(joined) + count(joined%step%kind == step_between .or. joined%step%kind == step_gimbal) < n_iterated(model)) &
+            model = joined
     end subroutine plan_with_joined_joints
 
     !> Links closed by iteration.
@@ -175,14 +176,14 @@ contains
         type(grouping_type) :: grouping
         type(status_type) :: status
         integer, allocatable :: tie_coordinate(:)
-        integer :: n_joined
+        integer :: n_between
 
         model = before
         call lead_welded_links(model, weld, is_planned)
         if (is_planned .or. joins) call find_order(model, stand, plan, grouping, tie_coordinate, status)
         if (joins .and. is_good()) then
-            call join_joints(model, grouping, n_joined)
-            is_planned = n_joined > 0
+            call join_joints(model, grouping, n_between)
+            is_planned = n_between > 0
             if (is_planned) call find_order(model, stand, plan, grouping, tie_coordinate, status)
         end if
         is_planned = is_planned .and. is_good()
@@ -283,16 +284,19 @@ contains
 
     contains
 
-        !> The joint whose parts are given ties the links at both ends, and the link between to these.
+        !> The joint whose parts are given ties the links at both ends, and each link between to what tells where it is.
         pure type(tie_type) function tie_of_part(j) result(tie)
             integer, intent(in) :: j
 
             associate (whole => model%joint(j)%joined)
-                if (model%joint(whole)%told == model%joint(j)%told) then
+                select case (model%joint(j)%part)
+                case (1)
                     tie = tie_type(unknown_links(whole), joint_constraints(model, model%joint(whole)%kind))
-                else
-                    tie = tie_type(tied_links([j, model%joint(whole)%told]), link_freedom(model))
-                end if
+                case (2)
+                    tie = tie_type(tied_links([model%joint(whole)%told, whole]), link_freedom(model))
+                case default
+                    tie = tie_type(tied_links([j, part_of(model, whole, 2)]), link_freedom(model))
+                end select
             end associate
         end function tie_of_part
 
@@ -524,26 +528,65 @@ contains
         call add_step(plan, step)
     end subroutine place_by_parts
 
-    !> A cross or sleeve between known links, whose two joints are one to whoever has placed these.
+    !> A cross or sleeve between known links, whose joints are one to whoever has placed these; or the first of two links between.
     subroutine close_between(model, link, plan)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: link
         type(planning), intent(inout) :: plan
         type(step_type) :: step
-        integer :: j
+        integer :: j, k, whole, first
 
+        whole = 0
+        first = 0
+        do j = 1, model%n_joint
+            if (model%joint(j)%joined == 0 .or. all(model%joint(j)%link /= link)) cycle
+            if (whole > 0) first = min(first, model%joint(j)%part)
+            if (whole == 0) first = model%joint(j)%part
+            whole = model%joint(j)%joined
+        end do
+        if (whole == 0) return
         step = step_type(kind=step_between, n_link=1)
         step%link(1) = link
-        do j = 1, model%n_joint
-            associate (joint => model%joint(j))
-                if (joint%joined == 0 .or. all(joint%link /= link)) cycle
-                step%joint(merge(1, 2, model%joint(joint%joined)%told == joint%told)) = j
-            end associate
-        end do
-        if (any(step%joint(:2) == 0)) return
+        if (model%joint(whole)%kind == joint_spherical .and. first == 1) then
+            step%kind = step_gimbal
+            step%joint(:3) = [(part_of(model, whole, k), k=1, 3)]
+            step%turn = 1
+            if (allocated(plan%stand)) step%turn = gimbal_as_it_stands(model, plan%stand, step%joint(:3), link)
+        else
+            step%joint(:2) = [(part_of(model, whole, k), k=first, first + 1)]
+        end if
         call add_step(plan, step)
         call turn_follower(model, step%joint(1), link)
     end subroutine close_between
+
+    !> A part of a joint in parts.
+    pure integer function part_of(model, whole, k) result(j)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: whole, k
+
+        j = findloc(model%joint%joined == whole .and. model%joint%part == k, .true., dim=1)
+    end function part_of
+
+    !> +1 where the second of three hinges points as first x third does, or -1.
+    pure integer function gimbal_as_it_stands(model, stand, hinge, link) result(turn)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
+        integer, intent(in) :: hinge(3)
+        integer, intent(in) :: link                    !! between the first two
+        integer :: beyond
+
+        beyond = sum(model%joint(hinge(2))%link) - link
+        turn = merge(1, -1, dot_product(axis_on(2, link), cross(axis_on(1, link), axis_on(3, beyond))) > 0)
+
+    contains
+
+        pure function axis_on(k, link) result(axis)
+            integer, intent(in) :: k, link
+            real(wp) :: axis(3)
+
+            axis = matmul(stand(:, :3, link), model%joint(hinge(k))%frame(:, 3, side_of(model%joint(hinge(k)), link)))
+        end function axis_on
+    end function gimbal_as_it_stands
 
     !> The three joints of a pair of links: to a known link, between them, to a known link. Zero if there are others.
     pure function joints_of_pair(model, pair, plan) result(joint)

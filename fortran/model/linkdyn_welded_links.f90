@@ -258,6 +258,7 @@ contains
             model%joint = [model%joint, model%joint(j)]
             name(j) = size(model%joint)
             model%joint(name(j))%joined = 0
+            model%joint(name(j))%part = 0
         end do
         do j = 1, size(real_joint)
             associate (leg => model%joint(j)%leg, attitude => model%joint(j)%attitude)

@@ -1,5 +1,5 @@
-"""Universal and cylindrical joints that are written in parts, two hinges with the cross between them, a hinge and a slide with the sleeve between:
-their loops are closed by the formulas of the whole joint."""
+"""Universal, spherical and cylindrical joints that are written in parts, two hinges with the cross between them, three with two links between, a hinge
+and a slide with the sleeve between: their loops are closed by the formulas of the whole joint."""
 
 from __future__ import annotations
 
@@ -50,13 +50,29 @@ def in_parts(content: Content, name: str, mass: float = 0.0, flip: tuple[bool, b
     return content
 
 
+def ball_in_parts(content: Content, name: str, mass: float = 0.0, flip: tuple[bool, bool, bool] = (False, False, False)) -> Content:
+    """A ball as three hinges, `{name}a`, `{name}b` and `{name}c`: about z of its first marker, about x square to it, about z of its second marker."""
+    content = copy.deepcopy(content)
+    joint = next(joint for joint in content["joint"] if joint["name"] == name)
+    content["joint"].remove(joint)
+    along = {"at": [0, 0, 0], "axis": [0, 0, 1], "x": [1, 0, 0]}
+    across = {"at": [0, 0, 0], "axis": [1, 0, 0], "x": [0, 0, 1]}
+    for i, (first, second) in enumerate(((along, across), (across, along))):
+        content["link"].append({"name": f"{name}_{i}", "mass": mass, "cog": [0.01, 0.02, 0.0],
+                                "inertia": (mass * np.array([0.01, 0.012, 0.015, 0.001, 0, 0])).tolist(), "markers": {"first": dict(first), "second": dict(second)}})
+    ends = [[joint["between"][0], f"{name}_0.first"], [f"{name}_0.second", f"{name}_1.first"], [f"{name}_1.second", joint["between"][1]]]
+    for letter, end, reverse in zip("abc", ends, flip, strict=True):
+        content["joint"].append({"name": name + letter, "type": "revolute", "between": end[::-1] if reverse else end})
+    return content
+
+
 def assert_same(whole: Any, parts: Any, signs: float = 1.0) -> None:
     np.testing.assert_array_equal(whole.status, parts.status)
     assert roads(parts) == roads(whole)
     joints = [joint for joint in whole.joint.values if joint in parts.joint.values]
     for part in (slice(0, 3), slice(3, None)) if joints else ():
         mine, its = (np.linalg.norm(run.reaction.sel(joint=joints).values[..., part], axis=-1) for run in (whole, parts))
-        np.testing.assert_allclose(its, mine, rtol=0, atol=ROUNDING * max(float(mine.max()), 1e-6))
+        np.testing.assert_allclose(its, mine, rtol=0, atol=ROUNDING * float(np.abs(whole.reaction).max()))
     np.testing.assert_allclose(signs * parts.driving_force, whole.driving_force, rtol=0, atol=ROUNDING * float(np.abs(whole.driving_force).max()))
 
 
@@ -107,11 +123,45 @@ def test_crosses_of_rods() -> None:
     assert_same(whole, linkdyn.Scene(parts).inverse())
 
 
+@pytest.mark.parametrize("flip", [(False, False, False), (True, False, True), (True, True, True), (False, True, False)])
+@pytest.mark.parametrize("base_is_first", [True, False])
+def test_balls_of_legs(base_is_first: bool, flip: tuple[bool, bool, bool]) -> None:
+    content = with_starts(hexapod("UPS", base_is_first))
+    whole = linkdyn.Scene(content).inverse(want="all")
+    for is_all in (False, True):
+        parts = content
+        for k in range(6):
+            parts = ball_in_parts(parts, f"S{k}", flip=flip)
+            if is_all:
+                parts = in_parts(parts, f"U{k}", flip=flip[:2])
+        scene = linkdyn.Scene(parts)
+        assert "Newton" not in scene.explain()
+        assert_same(whole, scene.inverse(want="all"))
+
+
+def test_start_turns_the_links_between() -> None:
+    """Those of a ball stand in two ways; the nearest to the start is taken, and the legs do not feel it."""
+    content = ball_in_parts(with_starts(hexapod()), "S0", mass=1e-9)
+    angles = []
+    for start in (0.0, 180.0):
+        for joint in content["joint"]:
+            if joint["name"] == "S0a":
+                joint["start"] = f"{start} deg"
+        run = linkdyn.Scene(content).inverse(want="all")
+        angles.append(run.joint_variable.sel(variable=["S0a.angle", "S0b.angle"]).values)
+        forces = run.driving_force
+    assert np.abs(angles[0][:, 0]).max() < np.pi / 2 < np.abs(angles[1][:, 0]).min()
+    np.testing.assert_allclose(angles[1][:, 1], -angles[0][:, 1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(forces, linkdyn.Scene(with_starts(hexapod())).inverse().driving_force, rtol=0, atol=1e-7 * float(np.abs(forces).max()))
+
+
 def heavy(kind: str) -> Content:
-    """Crosses and sleeves with a mass, welded halves among them."""
+    """Crosses, links between hinges of balls, and sleeves with a mass, welded halves among them."""
     content = with_starts(hexapod(kind))
     for k in range(6):
         content = in_parts(content, f"U{k}", mass=3.0, flip=FLIPS[k % 4])
+        if kind == "UPS" and k % 2:
+            content = ball_in_parts(content, f"S{k}", mass=2.0, flip=(k == 1, k == 3, k == 5))
         if kind == "UCU":
             content = in_parts(content, f"P{k}", mass=2.0, hinge_first=k % 2 == 0, flip=FLIPS[k % 4], aside=0.1)
     return cut(content, "lower4", ["U"], turned(np.random.default_rng(2)), np.array([0.1, -0.2, 0.1]))
