@@ -34,27 +34,66 @@ contains
     pure logical function may_join(model, grouping)
         type(model_type), intent(in) :: model
         type(grouping_type), intent(in) :: grouping
-        integer :: g, i
 
         may_join = .false.
         if (model%is_planar) return
+        may_join = size(links_between(model, grouping, order_of(model, grouping))) > 0
+    end function may_join
+
+    !> Links of groups that may be between.
+    pure function links_between(model, grouping, order) result(link)
+        type(model_type), intent(in) :: model
+        type(grouping_type), intent(in) :: grouping
+        integer, intent(in) :: order(0:)
+        integer, allocatable :: link(:)
+        integer :: g, i
+
+        allocate (link(0))
         do g = 1, grouping%n_group
             if (grouping%first(g + 1) - grouping%first(g) < 2) cycle
             do i = grouping%first(g), grouping%first(g + 1) - 1
-                may_join = may_join .or. is_between(model, grouping%member(i))
+                if (is_between(model, grouping%member(i), order)) link = [link, grouping%member(i)]
             end do
         end do
-    end function may_join
+    end function links_between
 
-    !> Has a link no joints but two hinges, or a hinge and a slide, of which nothing is given?
-    pure logical function is_between(model, link)
+    !> The group of each link; 0: it is known before all of them.
+    pure function order_of(model, grouping) result(order)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: link
+        type(grouping_type), intent(in) :: grouping
+        integer :: order(0:model%n_link)
+        integer :: g
+
+        order = 0
+        do g = 1, grouping%n_group
+            order(grouping%member(grouping%first(g):grouping%first(g + 1) - 1)) = g
+        end do
+    end function order_of
+
+    !> Joints of a link with those that are placed before, or with it. What hangs on it besides follows, wherever it is.
+    pure function holding_joints(model, link, order) result(joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, order(0:)
+        integer, allocatable :: joint(:)
         integer :: k
 
-        is_between = model%first_at(link + 1) - model%first_at(link) == 2
+        allocate (joint(0))
+        do k = model%first_at(link), model%first_at(link + 1) - 1
+            associate (j => model%joint_at(k))
+                if (order(sum(model%joint(j)%link) - link) <= order(link)) joint = [joint, j]
+            end associate
+        end do
+    end function holding_joints
+
+    !> Is a link held by two hinges, or a hinge and a slide, of which nothing is given, and by nothing else?
+    pure logical function is_between(model, link, order)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, order(0:)
+        integer :: k
+
+        is_between = size(holding_joints(model, link, order)) == 2
         if (.not. is_between) return
-        associate (joint => model%joint(model%joint_at(model%first_at(link):model%first_at(link + 1) - 1)))
+        associate (joint => model%joint(holding_joints(model, link, order)))
             is_between = all(joint%kind == joint_revolute .or. joint%kind == joint_prismatic) &
                          .and. any(joint%kind == joint_revolute) .and. all(joint%kind == joint%told_kind) &
                          .and. .not. any(is_told_of(model, joint%told)) &
@@ -86,42 +125,37 @@ contains
         type(model_type), intent(inout) :: model
         type(grouping_type), intent(in) :: grouping
         integer, intent(out) :: n_between               !! links between
+        integer :: order(0:model%n_link), i
         integer, allocatable :: link(:)
-        integer :: g, i
 
         n_between = 0
-        link = [integer ::]
-        do g = 1, grouping%n_group
-            if (grouping%first(g + 1) - grouping%first(g) < 2) cycle
-            do i = grouping%first(g), grouping%first(g + 1) - 1
-                if (is_between(model, grouping%member(i))) link = [link, grouping%member(i)]
-            end do
+        order = order_of(model, grouping)
+        link = links_between(model, grouping, order)
+        do i = 1, size(link)
+            call join_at(model, link(i), order, link, n_between)
         end do
         do i = 1, size(link)
-            call join_at(model, link(i), link, n_between)
-        end do
-        do i = 1, size(link)
-            call join_at(model, link(i), [integer ::], n_between)
+            call join_at(model, link(i), order, [integer ::], n_between)
         end do
         if (n_between > 0) call list_joints_of_links(model)
     end subroutine join_joints
 
     !> Join the joints of a link between, and with it of one of the others beside it, if there are some.
-    subroutine join_at(model, link, others, n_between)
+    subroutine join_at(model, link, order, others, n_between)
         type(model_type), intent(inout) :: model
-        integer, intent(in) :: link, others(:)
+        integer, intent(in) :: link, order(0:), others(:)
         integer, intent(inout) :: n_between
         type(joint_type) :: joined
         type(half_type) :: half(2), next(2)
         logical :: is_one
 
-        call look_at_halves(model, link, half)
+        call look_at_halves(model, link, order, half)
         if (any(model%joint(half%joint)%joined > 0)) return
         if (size(others) > 0) then
             if (any(model%joint(half%joint)%kind /= joint_revolute)) return
             if (all(others /= half(2)%beyond)) call reverse(half)
             if (all(others /= half(2)%beyond)) return
-            call look_at_halves(model, half(2)%beyond, next)
+            call look_at_halves(model, half(2)%beyond, order, next)
             if (any(model%joint(next%joint)%joined > 0) .or. any(model%joint(next%joint)%kind /= joint_revolute)) return
             if (next(1)%joint /= half(2)%joint) call reverse(next)
             if (next(1)%joint /= half(2)%joint .or. half(1)%beyond == next(2)%beyond) return
@@ -150,13 +184,13 @@ contains
     end subroutine reverse
 
     !> Both joints of a link between, a slide first.
-    pure subroutine look_at_halves(model, link, half)
+    pure subroutine look_at_halves(model, link, order, half)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: link
+        integer, intent(in) :: link, order(0:)
         type(half_type), intent(out) :: half(2)
         integer :: k, side
 
-        half%joint = model%joint_at(model%first_at(link):model%first_at(link) + 1)
+        half%joint = holding_joints(model, link, order)
         if (model%joint(half(2)%joint)%kind == joint_prismatic) half = half([2, 1])
         do k = 1, 2
             associate (joint => model%joint(half(k)%joint), of => half(k))

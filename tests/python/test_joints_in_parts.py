@@ -156,7 +156,7 @@ def test_start_turns_the_links_between() -> None:
 
 
 def heavy(kind: str) -> Content:
-    """Crosses, links between hinges of balls, and sleeves with a mass, welded halves among them."""
+    """Crosses, links between hinges of balls, and sleeves with a mass, a link welded to one of them, welded halves among them."""
     content = with_starts(hexapod(kind))
     for k in range(6):
         content = in_parts(content, f"U{k}", mass=3.0, flip=FLIPS[k % 4])
@@ -164,6 +164,10 @@ def heavy(kind: str) -> Content:
             content = ball_in_parts(content, f"S{k}", mass=2.0, flip=(k == 1, k == 3, k == 5))
         if kind == "UCU":
             content = in_parts(content, f"P{k}", mass=2.0, hinge_first=k % 2 == 0, flip=FLIPS[k % 4], aside=0.1)
+    content["link"].append({"name": "sensor", "mass": 0.5, "cog": [0.02, 0, 0.01], "inertia": [1e-3, 2e-3, 2e-3, 0, 0, 0], "markers": {"W": [0, 0, 0]}})
+    next(link for link in content["link"] if link["name"] == "U3_between")["markers"]["W"] = [0.1, 0, 0.05]
+    content["joint"].append({"name": "W", "type": "fixed", "between": ["U3_between.W", "sensor.W"]})
+    content = cut(content, "U5_between", ["second"], turned(np.random.default_rng(4)), np.array([0.1, 0.05, -0.1]))
     return cut(content, "lower4", ["U"], turned(np.random.default_rng(2)), np.array([0.1, -0.2, 0.1]))
 
 
