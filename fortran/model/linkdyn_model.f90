@@ -709,11 +709,11 @@ contains
     end function leads_within
 
     !> A length typical of the mechanism [m], wherever in the world it is drawn; where all joints are at the origins of their links,
-    !> as in a spherical linkage drawn from its centre, there is none, and any does. Links that are placed as one count as one.
+    !> as in a spherical linkage drawn from its centre, there is none, and any does. Parts that are placed as one count as one.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
         logical :: counts(size(model%joint))
-        integer :: j
+        integer :: i, j
 
         associate (joint => model%joint, last => size(model%joint))
             if (joint(last)%told == last) then
@@ -725,6 +725,10 @@ contains
                 if (joint(j)%told == j) cycle
                 counts(joint(j)%told) = .false.
                 counts(j) = joint(j)%kind /= joint_fixed .and. .not. is_pose_part(joint(j)%kind)
+            end do
+            do i = 1, size(model%step)
+                if (all(model%step(i)%kind /= [step_between, step_gimbal])) cycle
+                counts = counts .and. joint%link(1) /= model%step(i)%link(1) .and. joint%link(2) /= model%step(i)%link(1)
             end do
             scene_size = size_of(pack(joint, counts))
         end associate
