@@ -6,6 +6,7 @@ Velocities behind, the energy lost and which stops let go against a complementar
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -299,3 +300,14 @@ def test_links_joined_in_space_lift_or_press(kind: str, rise: float) -> None:
     assert run.event_qd_after.values[close] == pytest.approx(expected.event_qd_after.values[like], abs=1e-12)
     assert len(told(run, "s.min", RELEASE)) == (rise > 0)
     assert_energy_is_lost_where_told(run)
+
+
+@pytest.mark.parametrize("method", ["gbs", "seulex", "rk4"])
+def test_a_brake_on_what_rests_at_its_stop_holds_it(method: str) -> None:
+    """The impact has left a speed of 1e-16 rad/s, either way: that is no slip."""
+    run = linkdyn.load(Path(__file__).parents[1] / "scenes" / "brake_at_stop.toml").forward(method=method)
+    assert run.attrs["stopped"] == ""
+    held = run.isel(sample=run.time.values > 0.51)
+    holds = list(run.clutch_state.attrs["flag_meanings"].split()).index("holds")
+    assert (held.clutch_state == holds).all()
+    assert abs(held.clutch_force).max() <= 3.0
