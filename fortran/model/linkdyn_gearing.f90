@@ -307,13 +307,14 @@ contains
         text = trim(joint_kind_name(model%joint(j)%told_kind))
     end function what
 
-    !> From the link of one of the joint's markers through joints on its axis (or slides along it), and welds.
+    !> From the link of one of the joint's markers through joints on its axis (or slides along it), and welds. Of several bearings
+    !> of a shaft, or rails of a carriage, one that is a coordinate is taken: its turns are given.
     subroutine find_ways(model, j, side, passes, ways)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j, side
         integer, intent(in) :: passes              !! kind of joint through which the axis stands still
         type(axis_ways), intent(out) :: ways
-        logical :: found
+        logical :: leads(model%n_joint)
         integer :: k, from, x, y
 
         allocate (ways%is_reached(0:model%n_link), ways%joint(0:model%n_link), ways%before(0:model%n_link), &
@@ -324,33 +325,42 @@ contains
         ways%is_reached(x) = .true.
         ways%point(:, x) = model%joint(j)%point(:, side)
         ways%axis(:, x) = model%joint(j)%frame(:, 3, side)
-        found = .true.
-        do while (found)
-            found = .false.
-            do k = 1, model%n_joint
-                associate (joint => model%joint(k))
-                    if (joint%kind /= passes .and. joint%kind /= joint_fixed) cycle
-                    if (ways%is_reached(joint%link(1)) .eqv. ways%is_reached(joint%link(2))) cycle
-                    from = merge(1, 2, ways%is_reached(joint%link(1)))
-                    x = joint%link(from)
-                    y = joint%link(3 - from)
-                    if (joint%kind /= joint_fixed) then
-                        if (.not. is_on_axis(model, k, from, ways%point(:, x), ways%axis(:, x))) cycle
-                    end if
-                    ways%is_reached(y) = .true.
-                    ways%joint(y) = k
-                    ways%before(y) = x
-                    ways%sense(y) = 0
-                    if (joint%kind /= joint_fixed) &
-                        ways%sense(y) = merge(1, -1, from == 2)*sign(1.0_wp, dot_product(joint%frame(:, 3, from), ways%axis(:, x)))
-                    ways%axis(:, y) = through(joint%frame, ways%axis(:, x))
-                    ways%point(:, y) = joint%point(:, 3 - from) + through(joint%frame, ways%point(:, x) - joint%point(:, from))
-                    found = .true.
-                end associate
-            end do
+        leads = [(any(model%scene%coordinate%kind == coordinate_joint .and. model%scene%coordinate%joint == k), &
+                  k=1, model%n_joint)]
+        do
+            k = findloc([(goes_on(k) .and. leads(k), k=1, model%n_joint)], .true., dim=1)
+            if (k == 0) k = findloc([(goes_on(k), k=1, model%n_joint)], .true., dim=1)
+            if (k == 0) exit
+            associate (joint => model%joint(k))
+                from = merge(1, 2, ways%is_reached(joint%link(1)))
+                x = joint%link(from)
+                y = joint%link(3 - from)
+                ways%is_reached(y) = .true.
+                ways%joint(y) = k
+                ways%before(y) = x
+                ways%sense(y) = 0
+                if (joint%kind /= joint_fixed) &
+                    ways%sense(y) = merge(1, -1, from == 2)*sign(1.0_wp, dot_product(joint%frame(:, 3, from), ways%axis(:, x)))
+                ways%axis(:, y) = through(joint%frame, ways%axis(:, x))
+                ways%point(:, y) = joint%point(:, 3 - from) + through(joint%frame, ways%point(:, x) - joint%point(:, from))
+            end associate
         end do
 
     contains
+
+        !> Does a joint lead from a link that is reached to one that is not, and the axis stands still in it?
+        pure logical function goes_on(k)
+            integer, intent(in) :: k
+            integer :: near
+
+            associate (joint => model%joint(k))
+                goes_on = any(joint%kind == [passes, joint_fixed])
+                if (goes_on) goes_on = ways%is_reached(joint%link(1)) .neqv. ways%is_reached(joint%link(2))
+                if (.not. goes_on .or. joint%kind == joint_fixed) return
+                near = merge(1, 2, ways%is_reached(joint%link(1)))
+                goes_on = is_on_axis(model, k, near, ways%point(:, joint%link(near)), ways%axis(:, joint%link(near)))
+            end associate
+        end function goes_on
 
         !> A direction from the one link's axes to the other's, where the joint's variable is zero.
         pure function through(frame, v) result(w)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -420,6 +421,34 @@ def test_order_of_wheels() -> None:
         for joint in one.joint.values:
             sign = -1.0 if joint in names else 1.0
             np.testing.assert_allclose(other.reaction.sel(joint=joint).values[:, :n], sign * one.reaction.sel(joint=joint).values[:, :n], atol=1e-11 * np.abs(one.reaction.values).max())
+
+
+def shaft_in_bearings(kind: str, bearings: Sequence[str], led: str) -> dict[str, Any]:
+    """Bearings of a shaft that drives another, or rails of a rack that drives a pinion; whichever is told first, and whichever is led."""
+    axis = {"axis": [0, 0, 1], "x": [1, 0, 0]} if kind == "revolute" else {"axis": [1, 0, 0], "x": [0, 0, 1]}
+    seats = {name: {"at": at, **axis} for name, at in (("H1", [0, 0, 0]), ("H2", [0, 0, 0.4] if kind == "revolute" else [0, 0.4, 0.1]))}
+    mesh = {"name": "mesh", "type": "gear", "between": ["shaft.wheel", "out.K"], "teeth": [20, 40]} if kind == "revolute" else \
+           {"name": "mesh", "type": "rack", "between": ["out.K", "shaft.wheel"]}
+    body = {"inertia": {"diagonal": [0.05, 0.05, 0.02]}}
+    return {"space": "spatial", "gravity": GRAVITY.tolist(), "time": {"end": 1, "samples": 21},
+            "frame": {"markers": {**seats, "K": {"at": [0.3, 0.3, 0.2], "axis": [0, 0, 1]}}},
+            "link": [{"name": "shaft", "mass": 2.0, "cog": [0.01, 0, 0.2], "markers": {**seats, "wheel": {"at": [0, 0, 0.2], **axis}}, **body},
+                     {"name": "out", "mass": 3.0, "cog": [0, 0.02, 0], "markers": {"K": {"at": [0, 0, 0], "axis": [0, 0, 1]}}, **body}],
+            "joint": [*({"name": name, "type": kind, "between": [f"frame.{name}", f"shaft.{name}"]} for name in bearings), hinge("K", "frame.K", "out.K"), mesh],
+            "coordinate": [along(led, {"law": "harmonic", "amplitude": 0.3, "frequency": "1 Hz"})], "actuator": [{"joint": led}]}
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_bearings_of_a_geared_shaft_in_any_order(kind: str) -> None:
+    """Work and motion are those of the shaft in one bearing alone, whichever of two is a coordinate, and whichever is told first."""
+    alone = linkdyn.Scene(shaft_in_bearings(kind, ["H1"], "H1")).inverse()
+    for bearings in (["H1", "H2"], ["H2", "H1"]):
+        for led in bearings:
+            run = linkdyn.Scene(shaft_in_bearings(kind, bearings, led)).inverse()
+            assert not run.status.any()
+            np.testing.assert_allclose(run.driving_force.values, alone.driving_force.values, atol=1e-11 * np.abs(alone.driving_force.values).max())
+            np.testing.assert_allclose(run.joint_variable.sel(variable="K.angle"), alone.joint_variable.sel(variable="K.angle"), atol=1e-13)
+            assert np.abs(run.power_imbalance.values).max() < 1e-10
 
 
 def test_axes_that_point_the_other_way() -> None:
