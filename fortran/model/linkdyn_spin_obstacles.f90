@@ -1,7 +1,8 @@
 !> What feels the spin of a rod between balls, so that it is not idle: each kind of obstacle in a sentence.
 submodule (linkdyn_idle_spin) linkdyn_spin_obstacles
     use linkdyn_model, only: point_on
-    use linkdyn_scene, only: axes_link, law_none, law_constant, law_spec, measure_marker, measure_distance
+    use linkdyn_scene, only: axes_link, law_none, law_constant, law_cycloidal, law_polynomial_345, law_table, law_over, law_spec, &
+        measure_marker, measure_distance
     use linkdyn_text, only: to_text
     implicit none (type, external)
 
@@ -220,15 +221,55 @@ contains
         is_there = law%kind /= law_none .and. .not. (law%kind == law_constant .and. .not. abs(law%value(1)) > 0)
     end function is_there
 
-    !> Has a force in link axes components along an axis of the link only, and this is the axis?
+    !> Has a force in link axes the direction of an axis at every instant? Its components then go in proportion.
     pure logical function is_along(force, axis)
         type(law_spec), intent(in) :: force(3)
         real(wp), intent(in) :: axis(3)
-        integer :: k
+        real(wp), allocatable :: part(:, :)        !! what the components are in proportion to their sizes (3, part)
+        logical :: there(3)
+        integer :: k, first
 
-        is_along = .true.
+        there = [(is_there(force(k)), k=1, 3)]
+        first = findloc(there, .true., dim=1)
+        is_along = all([(.not. there(k) .or. k == first .or. have_one_course(force(k), force(max(first, 1))), k=1, 3)])
+        if (first == 0 .or. .not. is_along) return
+        allocate (part(3, size(sizes_of(force(first)))), source=0.0_wp)
         do k = 1, 3
-            if (is_there(force(k))) is_along = is_along .and. 1 - abs(axis(k)) <= exact
+            if (there(k)) part(k, :) = sizes_of(force(k))
+        end do
+        do k = 1, size(part, 2)
+            is_along = is_along .and. norm2(part(:, k)) - abs(dot_product(part(:, k), axis)) <= exact*norm2(part(:, k))
         end do
     end function is_along
+
+    !> Do two laws differ in their sizes alone?
+    pure logical function have_one_course(a, b) result(same)
+        type(law_spec), intent(in) :: a, b
+
+        same = a%kind == b%kind .and. size(sizes_of(a)) == size(sizes_of(b))
+        if (.not. same) return
+        select case (a%kind)
+        case (law_over)
+            same = .false.
+        case (law_cycloidal, law_polynomial_345, law_table)
+            same = all(a%time == b%time) .and. (allocated(a%curvature) .eqv. allocated(b%curvature))
+        case default
+            same = all(a%value(3:) == b%value(3:))
+        end select
+    end function have_one_course
+
+    !> The numbers of a law that are the larger the larger it is; of one over the state, which is alone, any.
+    pure function sizes_of(law) result(number)
+        type(law_spec), intent(in) :: law
+        real(wp), allocatable :: number(:)
+
+        select case (law%kind)
+        case (law_over)
+            number = [1.0_wp]
+        case (law_cycloidal, law_polynomial_345, law_table)
+            number = law%knot
+        case default
+            number = law%value(:2)
+        end select
+    end function sizes_of
 end submodule linkdyn_spin_obstacles

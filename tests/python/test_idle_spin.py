@@ -237,6 +237,27 @@ def test_a_spin_that_matters_is_refused(rod: dict[str, Any], load: dict[str, Any
     assert "\n" not in message
 
 
+@pytest.mark.parametrize("is_steady", [True, False])
+def test_a_load_along_a_line_across_the_links_axes(is_steady: bool) -> None:
+    """A rod drawn along (1, 2, 2) in its axes, pushed along itself, is as one along x; refused, and told, once a component is out of proportion."""
+    def law(size: float, mean: float = 1.0) -> Any:
+        return 50 * size * mean if is_steady else {"law": "harmonic", "mean": 10 * size * mean, "amplitude": 30 * size, "frequency": "3 Hz"}
+
+    straight = rssr()
+    straight["load"] = [{"on": "rod.C", "axes": "link", "force": [law(1.0), 0.0, 0.0]}]
+    d = np.array([1.0, 2.0, 2.0]) / 3
+    inertia = 0.2 * np.eye(3) - 0.15 * np.outer(d, d)
+    oblique = rssr(cog=(0.4 * d).tolist(), inertia=inertia[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]].tolist(),
+                   markers={"B": [0.0] * 3, "C": (float(ROD) * d).tolist()})
+    oblique["load"] = [{"on": "rod.C", "axes": "link", "force": [law(float(part)) for part in d]}]
+    one, other = linkdyn.Scene(straight).inverse(), linkdyn.Scene(oblique).inverse()
+    assert not one.status.any() and not other.status.any()
+    np.testing.assert_allclose(other.driving_force.values, one.driving_force.values, atol=1e-11 * np.abs(one.driving_force.values).max())
+    oblique["load"][0]["force"][2] = law(float(d[2]), mean=2.0)
+    with pytest.raises(linkdyn.SceneError, match=r"a load on 'rod.C' has a force across it"):
+        linkdyn.Scene(oblique)
+
+
 def welded(parts: int = 2, **tip: Any) -> dict[str, Any]:
     """The rod in parts that are welded together, each with axes of its own. ``tip``: keys of the last that are to be otherwise."""
     scene = rssr()
