@@ -8,7 +8,8 @@
 module linkdyn_f2py_api
     use, intrinsic :: iso_c_binding, only: c_double, c_f_pointer, c_int, c_intptr_t, c_loc, c_null_ptr
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_assemblies, only: assembly_list, find_assemblies
+    use linkdyn_assemblies, only: find_assemblies
+    use linkdyn_assembly_words, only: assembly_list
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_base_motion, only: evaluate_base_pose
     use linkdyn_code_texts, only: make_code_texts

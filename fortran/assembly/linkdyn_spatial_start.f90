@@ -18,7 +18,7 @@ module linkdyn_spatial_start
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
-    public :: assemble_in_space
+    public :: assemble_in_space, list_parts
 
 contains
 
@@ -230,7 +230,7 @@ contains
         end do
     end function last_rod_of
 
-    !> Links and joints that count.
+    !> Links and joints of a step that count; of a platform on rods those of its rods besides.
     subroutine list_parts(model, i, link, joint)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i

@@ -1,6 +1,6 @@
 !> A scene and the layout of its results as JSON: how other languages learn names, units and shapes.
 module linkdyn_description
-    use linkdyn_assemblies, only: assembly_list
+    use linkdyn_assembly_words, only: assembly_list, chain_key
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_given_attitudes, only: attitude_name
     use linkdyn_kinds, only: wp
@@ -174,6 +174,10 @@ contains
         text = text//'],"start_variable":['
         do i = 1, size(list%telling)
             text = text//separator(i)//integer_value(list%telling(i) - 1)
+        end do
+        text = text//'],"chain_key":['
+        do i = 1, size(list%telling)
+            text = text//separator(i)//string(trim(chain_key(model, list%telling(i))))
         end do
         text = text//'],"placed_link":['
         do i = 1, size(list%placed)

@@ -23,6 +23,8 @@ PLANE = 2
 """Dimensions of a position."""
 LENGTHS = ("slide", "x", "y")
 """Joint variables that are no angles."""
+PLACE_DIGITS = 8
+"""Of a link: a loop all of whose links are told so is not searched for."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,12 @@ class Assembly:
     branch: dict[str, int]
     """Joint to 1 or -1, for loops that close by a branch."""
     start: dict[str, float]
-    """Joint variable ("D.angle") to where it is [m, rad], for loops closed by iteration."""
+    """Joint variable ("D.angle") to where it is [m, rad], for loops closed by iteration and for chains."""
     place: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
-    """Link to position [m] and angles [rad], in a plane two and one: where loops closed by iteration have neither hinges nor slides, and
-    of links whose start the scene tells, which would choose besides."""
+    """Link to position [m] and angles [rad], in a plane two and one: where hinges and slides of loops closed by iteration do not tell
+    assemblies apart, and of links whose start the scene tells, which would choose besides."""
+    chain: dict[str, dict[str, float]]
+    """Chain to its keys ``elbow``, 1 or -1, and ``start`` [m, rad], which say so of its joints."""
     joint_variable: dict[str, float]
     """All joint variables [m, rad]."""
     position: NDArray[np.float64]
@@ -47,15 +51,19 @@ class Assembly:
 
     @property
     def words(self) -> str:
-        """What chooses it in a scene: ``branch`` or ``start`` of joints, ``start`` of links. Empty: there is no choice."""
+        """What chooses it in a scene: ``branch`` or ``start`` of joints, ``elbow`` or ``start`` of chains, ``start`` of links. Empty: there is no choice."""
         texts = [f"{joint}: branch = {sign}" for joint, sign in self.branch.items()]
         by_joint: dict[str, list[str]] = {}
         for label, value in self.start.items():
             joint, _, variable = label.rpartition(".")
+            if joint.partition(".")[0] in self.chain:
+                continue
             by_joint.setdefault(joint, []).append(f"{variable} = {_quantity(value, variable)}")
         texts += [f"{joint}: start = {{ {', '.join(parts)} }}" for joint, parts in by_joint.items()]
+        for chain, keys in self.chain.items():
+            texts += [f"{chain}: {key} = {value if key == 'elbow' else _quantity(value, self._kind_of_start(chain))}" for key, value in keys.items()]
         for link, (position, angles) in self.place.items():
-            at, turn = (", ".join(_quantity(value, kind) for value in values) for values, kind in ((position, "slide"), (angles, "angle")))
+            at, turn = (", ".join(_quantity(value, kind, PLACE_DIGITS) for value in values) for values, kind in ((position, "slide"), (angles, "angle")))
             attitude = f"angle = {turn}" if len(position) == PLANE else f"angles = [{turn}]"
             texts.append(f"{link}: start = {{ position = [{at}], {attitude} }}")
         return "; ".join(texts)
@@ -66,28 +74,36 @@ class Assembly:
         Parameters
         ----------
         scene
-            The content of the scene file. Joints of chains are not in it: those are left as they are.
+            The content of the scene file. Copies by ``repeat`` that are told differently, or mirrored, are left as they are: write them out.
 
         Returns
         -------
         dict
             A copy with these starts and branches.
         """
-        links = [dict(link) for link in scene["link"]]
+        links, joints, chains = ([dict(part) for part in scene.get(kind, [])] for kind in ("link", "joint", "chain"))
         for link in links:
-            if link["name"] in self.place:
-                position, angles = self.place[link["name"]]
+            if place := _told(link, self.place):
+                position, angles = place
                 attitude = {"angle": float(angles[0])} if len(position) == PLANE else {"angles": angles.tolist()}
                 link["start"] = {"position": position.tolist()} | attitude
-        joints = [dict(joint) for joint in scene.get("joint", [])]
-        for joint in joints:
-            if joint["name"] in self.branch:
-                joint.pop("start", None)
-                joint["branch"] = self.branch[joint["name"]]
-            found = {label.rpartition(".")[2]: value for label, value in self.start.items() if label.rpartition(".")[0] == joint["name"]}
-            if found:
-                joint["start"] = found
-        return scene | {"link": links, "joint": joints}
+        starts: dict[str, dict[str, float]] = {}
+        for label, value in self.start.items():
+            joint, _, variable = label.rpartition(".")
+            starts.setdefault(joint, {})[variable] = value
+        for one in joints:
+            if branch := _told(one, self.branch):
+                one.pop("start", None)
+                one["branch"] = branch
+            if start := _told(one, starts):
+                one["start"] = start
+        for chain in chains:
+            chain |= _told(chain, self.chain) or {}
+        return scene | {"link": links, "joint": joints} | ({"chain": chains} if chains else {})
+
+    def _kind_of_start(self, chain: str) -> str:
+        """Whether a chain's ``start`` is that of a slide, by its variables."""
+        return "slide" if any(label.startswith(f"{chain}.") and label.endswith(".slide") for label in self.joint_variable) else "angle"
 
 
 class Assemblies(list[Assembly]):
@@ -103,8 +119,8 @@ def assemblies_of(found: dict[str, Any], planar: bool) -> Assemblies:
     Parameters
     ----------
     found
-        From the engine: ``branch_joint``, ``start_variable`` (numbers of joint variables), ``placed_link`` (numbers of links), ``variable``
-        and ``link`` (labels), ``assemblies``.
+        From the engine: ``branch_joint``, ``start_variable`` (numbers of joint variables), ``chain_key`` (of each, if a chain's key says it),
+        ``placed_link`` (numbers of links), ``variable`` and ``link`` (labels), ``assemblies``.
     planar
         Links have two numbers and an angle.
     """
@@ -114,9 +130,15 @@ def assemblies_of(found: dict[str, Any], planar: bool) -> Assemblies:
     for number, one in enumerate(found["assemblies"], start=1):
         value = dict(zip(labels, one["variable"]))
         position, rotation = np.reshape(one["position"], (-1, 3)), np.reshape(one["rotation"], (-1, 3, 3))
+        start: dict[str, float] = {}
+        chain: dict[str, dict[str, float]] = {}
+        for k, key in zip(found["start_variable"], found["chain_key"]):
+            start[labels[k]] = one["variable"][k]
+            if key:
+                chain.setdefault(labels[k].partition(".")[0], {})[key] = (-1 if one["variable"][k] < 0 else 1) if key == "elbow" else one["variable"][k]
         result.append(Assembly(
-            number, dict(zip(found["branch_joint"], one["branch"])), {labels[k]: one["variable"][k] for k in found["start_variable"]},
-            {found["link"][k]: _place(position[k], rotation[k], planar) for k in found["placed_link"]}, value, position, rotation,
+            number, dict(zip(found["branch_joint"], one["branch"])), start,
+            {found["link"][k]: _place(position[k], rotation[k], planar) for k in found["placed_link"]}, chain, value, position, rotation,
         ))
     return result
 
@@ -157,12 +179,23 @@ def _place(position: NDArray[np.float64], rotation: NDArray[np.float64], planar:
     return (position[:PLANE], angles[PLANE:]) if planar else (position, angles)
 
 
+def _told(part: dict[str, Any], said: dict[str, Any]) -> Any:
+    """What is said of a part of a scene, or alike of all its copies; None: nothing."""
+    name = part.get("name", "")
+    if name in said or "mirror" in part:
+        return said.get(name)
+    copies = part.get("repeat", len(part.get("angles", [])))
+    told = [said.get(name.replace("#", str(k)) if "#" in name else f"{name}{k}") for k in range(1, copies + 1)]
+    return told[0] if told and all(isinstance(each, (int, dict)) and each == told[0] for each in told) else None
+
+
 def _angles(r: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Roll, pitch and yaw of a rotation Rx Ry Rz."""
-    return np.array([math.atan2(-r[1, 2], r[2, 2]), math.asin(max(-1.0, min(1.0, r[0, 2]))), math.atan2(-r[0, 1], r[0, 0])])
+    """Roll, pitch and yaw of a rotation Rx Ry Rz; yaw is what is left once roll and pitch are taken away, so that the three tell it near the pole."""
+    roll = math.atan2(-r[1, 2], r[2, 2])
+    s, c = math.sin(roll), math.cos(roll)
+    return np.array([roll, math.atan2(r[0, 2], math.hypot(r[1, 2], r[2, 2])), math.atan2(c * r[1, 0] + s * r[2, 0], c * r[1, 1] + s * r[2, 1])])
 
 
-def _quantity(value: float, variable: str) -> str:
-    if variable in LENGTHS:
-        return f'"{value * 1e3:.6g} mm"'
-    return f'"{math.degrees(value):.6g} deg"'
+def _quantity(value: float, variable: str, digits: int = 6) -> str:
+    number, unit = (value * 1e3, "mm") if variable in LENGTHS else (math.degrees(value), "deg")
+    return f'"{round(number, 9) + 0.0:.{digits}g} {unit}"'     # what rounding leaves of zero is zero, without a sign

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import subprocess
 import sys
 import tomllib
@@ -131,6 +132,75 @@ def test_loops_of_balls() -> None:
         again = linkdyn.Scene(one.apply(content)).assemblies()[0]
         np.testing.assert_allclose(again.position[0], one.position[0], atol=1e-6)
         np.testing.assert_allclose(again.rotation[0], one.rotation[0], atol=1e-6)
+
+
+def read(name: str) -> dict[str, Any]:
+    """A scene of the tests, or a template."""
+    folders = (ROOT / "tests" / "scenes", ROOT / "tests" / "assemblies", ROOT / "python" / "linkdyn" / "_scenes")
+    return tomllib.loads(next(path for folder in folders if (path := folder / f"{name}.toml").exists()).read_text())
+
+
+def told(scene: dict[str, Any], words: str) -> dict[str, Any]:
+    """A scene with words pasted as they are printed."""
+    scene = copy.deepcopy(scene)
+    for text in words.split("; "):
+        name, _, entry = text.partition(": ")
+        part = next(part for kind in ("link", "joint", "chain") for part in scene.get(kind, []) if part["name"] == name)
+        if entry.startswith("branch"):
+            part.pop("start", None)
+        part |= tomllib.loads(entry)
+    return scene
+
+
+def turned(angle: float) -> np.ndarray:
+    """About z."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def written_out(scene: dict[str, Any]) -> dict[str, Any]:
+    """Three chains of their own in place of one that is repeated, each to be told."""
+    chain, = scene["chain"]
+    scene["chain"] = [{**{key: value for key, value in chain.items() if key not in ("repeat", "about")},
+                       "name": f"{chain['name']}{k}", "base": f"frame.B{k}", "platform": f"platform.P{k}",
+                       **{key: (turned(2 * np.pi * (k - 1) / 3) @ chain[key]).tolist() for key in ("axis", "zero") if key in chain}} for k in (1, 2, 3)]
+    return scene
+
+
+def points(scene: linkdyn.Scene, at: Any) -> np.ndarray:
+    """All markers in the world, but those of the frame."""
+    return np.concatenate([at.position[i] + at.rotation[i] @ np.resize([*marker["at"], 0.0], 3)
+                           for i, link in enumerate(scene.description["links"][1:]) for marker in link["markers"]])
+
+
+CHAINS = ("delta", "delta_of_single_rods")
+LOOPS = ("excavator", "fivebar_by_gears", "flat_cam_3d", "hexaglide", "mcpherson", "planar_platform", "platform_by_gear", "pus6_fold", "rsur", "scissor_by_stroke",
+         "screw_loop", "wheel_by_coupler", "wishbone")
+
+
+@pytest.mark.parametrize("name", [*CHAINS, *LOOPS])
+def test_words_choose(name: str) -> None:
+    """Each assembly has words of its own, which give it and no other when they are pasted into the scene, and when they are applied."""
+    content = written_out(read(name)) if name in CHAINS else read(name)
+    scene = linkdyn.Scene(content)
+    found = scene.assemblies()
+    places = [points(scene, one) for one in found]
+    assert len(found) > 1 and len({one.words for one in found}) == len(found)
+    for k, one in enumerate(found):
+        for again in (told(content, one.words), one.apply(content)):
+            there = points(scene, linkdyn.Scene(again).assemblies()[0])
+            apart = [np.abs(place - there).max() for place in places]
+            assert int(np.argmin(apart)) == k and apart[k] < 1e-5 * np.abs(there).max(), one.words
+
+
+def test_elbows_of_copies_are_told_together() -> None:
+    """A Delta's chain is written once for three arms, and its elbow counts besides the platform's start."""
+    scene = read("delta")
+    found = linkdyn.Scene(scene).assemblies()
+    assert len(found) == 2 and all(f"arm{k}: elbow = -1" in found[1].words for k in (1, 2, 3))
+    other = found[1].apply(scene)
+    assert other["chain"][0]["elbow"] == -1
+    np.testing.assert_allclose(linkdyn.Scene(other).assemblies()[0].position[0], found[1].position[0], atol=1e-9)
 
 
 def test_no_choice() -> None:
