@@ -23,6 +23,7 @@ module linkdyn_assembly_words
     integer, parameter :: platforms = 1
     integer, parameter :: held_links = 2           !! all but those that may spin idly
     integer, parameter :: every_link = 3
+    integer, parameter :: as_joints = 4            !! and joints of chains that have no key: legs to be written out
 
     !> What was found; the first is that of the start.
     type :: assembly_list
@@ -64,7 +65,7 @@ contains
     end function is_of_chain
 
     !> The key of a chain that says what a joint variable of it is at the start, of a crank's rod to which side it is turned;
-    !> blank: it is no chain's.
+    !> blank: it is no chain's, or one's that has no key for it.
     pure character(len=5) function chain_key(model, variable) result(key)
         type(model_type), intent(in) :: model
         integer, intent(in) :: variable            !! of the model
@@ -73,6 +74,7 @@ contains
         key = ""
         j = joint_of(model, variable)
         if (.not. is_of_chain(model%joint(j)%name)) return
+        if (is_in_group(model, j) .and. .not. model%scene%joint(j)%has_start) return
         key = "start"
         if (is_slide(model%joint(j)%told_kind, variable - model%joint(j)%first_variable)) return
         leg = index(model%joint(j)%name, ".")
@@ -81,6 +83,14 @@ contains
             if (model%joint(k)%name(:leg) == model%joint(j)%name(:leg)) key = "elbow"
         end do
     end function chain_key
+
+    pure logical function is_in_group(model, j)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        integer :: g
+
+        is_in_group = any([(any(model%group(g)%joint == j), g=1, size(model%group))])
+    end function is_in_group
 
     pure integer function joint_of(model, variable) result(joint)
         type(model_type), intent(in) :: model
@@ -127,7 +137,7 @@ contains
         extent = platforms_if_needed
         call list_starts(model, extent, list)
         if (list%n == 1) return
-        do extent_now = platforms, every_link
+        do extent_now = platforms, as_joints
             call try_words(model, list, chooses)
             if (all(chooses)) return
             where (.not. chooses) extent = extent_now
@@ -160,14 +170,14 @@ contains
                     list%placed = [list%placed, link(k)]
                 end do
                 do k = 1, size(joint)
-                    call tell_joint(joint(k), .false.)
+                    call tell_joint(joint(k), .false., .false.)
                 end do
             end associate
         end do
         do i = 1, size(model%group)
             associate (group => model%group(i))
                 do k = 1, size(group%joint)
-                    call tell_joint(group%joint(k), extent(i) < held_links)
+                    call tell_joint(group%joint(k), extent(i) < held_links .or. extent(i) == as_joints, extent(i) == as_joints)
                 end do
                 list%placed = [list%placed, telling_links(model, group, extent(i))]
             end associate
@@ -176,18 +186,20 @@ contains
     contains
 
         !> A joint that the scene starts; with `is_asked` any that a start can choose, but its variables that are coordinates.
-        subroutine tell_joint(j, is_asked)
+        subroutine tell_joint(j, is_asked, in_chains)
             integer, intent(in) :: j
             logical, intent(in) :: is_asked
+            logical, intent(in) :: in_chains       !! it may be a chain's that has no key for it
             integer :: v, g
 
             associate (joint => model%joint(j))
                 if (is_pose_part(joint%kind)) return
                 if (.not. joint%has_start) then
-                    if (.not. is_asked .or. is_of_chain(joint%name) .or. turns_about_point(joint%told_kind)) return
+                    if (.not. is_asked .or. turns_about_point(joint%told_kind)) return
+                    if (is_of_chain(joint%name) .and. .not. in_chains) return
                 end if
                 do v = 1, joint_n_variable(joint%told_kind)
-                    if (is_of_chain(joint%name) .and. v /= told_variable(model, j)) cycle
+                    if (is_of_chain(joint%name) .and. .not. in_chains .and. v /= told_variable(model, j)) cycle
                     if (any(list%telling == joint%first_variable + v)) cycle
                     do g = 1, size(model%group)
                         if (any(model%group(g)%joint == j)) exit
@@ -214,7 +226,7 @@ contains
         is_named = [(.not. is_of_chain(model%link(group%link(i))%name), i=1, size(group%link))]
         tells = [(model%first_at(group%link(i) + 1) - model%first_at(group%link(i)) > of_a_leg, i=1, size(group%link))]
         if (.not. any(tells) .or. extent >= held_links) tells = model%link(group%link)%spin == 0
-        if (extent == every_link) tells = .true.
+        if (extent >= every_link) tells = .true.
         if (extent == platforms_if_needed) tells = tells .and. .not. has_simple_joint(model, group)
         link = pack(group%link, is_named .and. (tells .or. model%scene%link(group%link)%has_start))
     end function telling_links

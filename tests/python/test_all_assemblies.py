@@ -203,6 +203,13 @@ def test_elbows_of_copies_are_told_together() -> None:
     np.testing.assert_allclose(linkdyn.Scene(other).assemblies()[0].position[0], found[1].position[0], atol=1e-9)
 
 
+def test_legs_without_keys_are_told_by_their_joints() -> None:
+    """A Tripteron's elbows leave the platform where it is, and its chains have no key for them: joints tell its assemblies apart."""
+    found = linkdyn.load(ROOT / "examples" / "tripteron" / "scene.toml").assemblies()
+    assert len({one.words for one in found}) == len(found) == 8
+    assert not found[0].chain and "leg2.R2: start = { angle = " in found[0].words
+
+
 def test_no_choice() -> None:
     """An open chain has one assembly, and no words."""
     one, = linkdyn.new("arm").assemblies()
