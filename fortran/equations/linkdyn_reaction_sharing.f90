@@ -7,13 +7,14 @@
 module linkdyn_reaction_sharing
     use linkdyn_acting, only: acting_type, turned
     use linkdyn_force_system, only: force_unknowns, add_reactions, balance_links, reaction_of
+    use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: make_joint_kind
     use linkdyn_joint_table, only: along_z, along_normal, is_geared, joint_loose, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_layout, only: sparse_layout
     use linkdyn_least_squares, only: find_least
     use linkdyn_linear_form, only: linear_form, find_linear_form
-    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, marker_frame, marker_point, point_of_action
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, has_slide, marker_frame, marker_point, pair_of, point_of_action
     use linkdyn_model, only: model_type, arm_type, is_released, scene_size
     use linkdyn_null_states, only: null_states, find_null_states
     use linkdyn_numbers, only: to_frame, to_told_frame
@@ -106,6 +107,7 @@ contains
         type(model_type), target, intent(out) :: model
         type(mechanism_type), intent(out) :: told
         type(value) :: number(size(mechanism%number))
+        type(marker_pair) :: pair
         integer :: j, side
 
         model = mechanism%model
@@ -137,7 +139,13 @@ contains
                 end if
                 call make_joint_kind(joint%kind, told%kind(j))
                 if (told%kind(j)%is%is_threaded) told%kind(j)%is%pitch = mechanism%told_kind(j)%is%pitch
-                if (.not. told%kind(j)%is%slides) told%slide(j) = vector(value(), value(), value())
+                if (.not. told%kind(j)%is%slides) then
+                    told%slide(j) = vector(value(), value(), value())
+                else if (.not. has_slide(told, j)) then
+                    ! let go to what has none, as a screw to its thread
+                    pair = pair_of(told, j)
+                    told%slide(j) = pair%first.unrotate.pair%gap
+                end if
             end associate
         end do
     end subroutine tell_joints
