@@ -20,7 +20,7 @@ module linkdyn_planner
     use linkdyn_rod_plan, only: name_rod_leg
     use linkdyn_shift_plan, only: shift_type, find_shift, find_hung, n_pair
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
-        joint_cylindrical, joint_universal, joint_spherical, joint_fixed
+        joint_cylindrical, joint_universal, joint_spherical, joint_fixed, share_refused, share_name
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     use linkdyn_welded_links, only: welds_in_groups, lead_welded_links, name_carried_joints, forget_carried_joints
@@ -1101,6 +1101,10 @@ contains
             //" constraint directions are redundant, held by the other joints already: "
         remedy = ""
         if (redundancy%remedy /= "") remedy = "; "//redundancy%remedy
+        if (remedy == "" .and. model%scene%redundancy /= share_refused) remedy = "; redundancy = " &
+            //quoted(trim(share_name(model%scene%redundancy)))//" needs joints that can let go of just these: none that is a " &
+            //"coordinate, has a branch or is tied by gears can, and a screw lets go of all but its thread or of nothing " &
+            //"(expected joints that hold less, or a guide for what screws carry)"
         call fail(status, status_bad_input, "joints "//joint_names(model, joint)//" over-constrain links " &
                   //link_names(model, link)//": "//what//redundancy%directions//remedy)
     end subroutine refuse_redundancy

@@ -85,3 +85,17 @@ def test_a_leg_spins_about_itself() -> None:
                  [Z, Z, [0.7, 0.3, 0.0], Z, Z])
     message = message_of(scene)
     assert "links 'link2', 'link3' can spin between their spherical joints 'J2', 'J4' (make one of them universal)" in message
+
+
+def test_a_limit_is_told() -> None:
+    """A table on two spindles without a guide: threads cannot let go of a part of what they hold, and the message says so."""
+    seats = {"A1": [0.0, 0.0, 0.0], "A2": [0.6, 0.0, 0.0]}
+    threads = {"B1": [0.0, 0.0, 0.3], "B2": [0.6, 0.0, 0.3]}
+    body = {"mass": 2.0, "inertia": {"diagonal": [0.1, 0.1, 0.1]}}
+    scene = {"space": "spatial", "frame": {"markers": seats}, "coordinate": [{"joint": "A1"}], "actuator": [{"joint": "A1"}],
+             "link": [{"name": "table", "markers": threads, **body}, *({"name": f"s{k}", "markers": {f"A{k}": seats[f"A{k}"], f"B{k}": threads[f"B{k}"]}, **body} for k in (1, 2))],
+             "joint": [*({"name": f"A{k}", "type": "revolute", "between": [f"frame.A{k}", f"s{k}.A{k}"]} for k in (1, 2)),
+                       *({"name": f"B{k}", "type": "screw", "lead": 0.005, "between": [f"s{k}.B{k}", f"table.B{k}"]} for k in (1, 2)),
+                       {"name": "belt", "type": "belt", "between": ["s1.A1", "s2.A2"], "radii": [0.03, 0.03]}]}
+    with pytest.raises(linkdyn.SceneError, match="redundancy = 'minimum-norm' needs joints that can let go of just these: .* a screw lets go of all but its thread"):
+        linkdyn.Scene(scene)
