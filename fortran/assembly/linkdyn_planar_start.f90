@@ -104,6 +104,7 @@ contains
 
             stuck = 0
             model%branch = 1
+            state%branch = 1
             model%chosen_by = by_default
             do i = 1, size(model%group)
                 model%group(i)%start = 0

@@ -305,7 +305,7 @@ def test_links_joined_in_space_lift_or_press(kind: str, rise: float) -> None:
 @pytest.mark.parametrize("method", ["gbs", "seulex", "rk4"])
 def test_a_brake_on_what_rests_at_its_stop_holds_it(method: str) -> None:
     """The impact has left a speed of 1e-16 rad/s, either way: that is no slip."""
-    run = linkdyn.load(Path(__file__).parents[1] / "scenes" / "brake_at_stop.toml").forward(method=method)
+    run = linkdyn.load(Path(__file__).parents[1] / "holding" / "brake_at_stop.toml").forward(method=method)
     assert run.attrs["stopped"] == ""
     held = run.isel(sample=run.time.values > 0.51)
     holds = list(run.clutch_state.attrs["flag_meanings"].split()).index("holds")

@@ -232,7 +232,7 @@ def test_an_arm_with_two_motors_that_turn_back(rate: float, restitution: float) 
     np.testing.assert_allclose(run.event_qd_after.values[0], expected, rtol=1e-8)
 
 
-@pytest.mark.parametrize("capacity", [2.6, 2.7, 2.75, 2.9, 3.1, 3.2, 4.0])
+@pytest.mark.parametrize("capacity", [2.6, 2.7, 2.9, 3.1, 3.2, 4.0])
 def test_a_clutch_behind_a_gear_holds_what_it_can(capacity: float) -> None:
     """What the gear loses goes by what the clutch holds: by the responses without loss it would have to hold 3.14 N m."""
     text = SHAFT.replace("rotor_inertia = 1e-6", "rotor_inertia = 3e-3").replace("inertia = 1e-4", "inertia = 0.01", 1)

@@ -371,7 +371,8 @@ def test_through_dead_points() -> None:
 
 
 def test_impact_through_a_gear() -> None:
-    """A screw drives a mass against a stop: the rotor strikes with the efficiency's part of its inertia; at rest there the motor pushes on without a loss."""
+    """A screw drives a mass against a stop: the rotor strikes with the efficiency's part of its inertia, and thrown back the mass has to drive it through
+    the screw's efficiency backwards, with the energy that the stop gives back; at rest there the motor pushes on without a loss."""
     data = lift(0.0, 50.0, law=at_motor(3.0), drive={**SCREW, "efficiency": 0.8})
     data["stop"] = [{"name": "end", "joint": "A", "max": 0.6, "restitution": 0.5}]
     run = linkdyn.Scene(data).forward(t=np.linspace(0, 1, 11), want="all", **SHARP)
@@ -379,8 +380,10 @@ def test_impact_through_a_gear() -> None:
     acceleration = (3 * N - 50 * G / 0.8) / (50 / 0.8 + reflected)
     speed = np.sqrt(2 * acceleration * 0.1)
     assert run.event_qd.values[0, 0] == pytest.approx(speed, rel=1e-6)
-    assert run.event_qd_after.values[0, 0] == pytest.approx(-0.5 * speed, rel=1e-6)
-    assert run.event_impulse.values[0] == pytest.approx(1.5 * speed * (50 + 0.8 * reflected), rel=1e-6)
+    before, behind = 50 + 0.8 * reflected, 50 + reflected / (2 - 1 / 0.8)
+    after = 0.5 * speed * np.sqrt(before / behind)
+    assert run.event_qd_after.values[0, 0] == pytest.approx(-after, rel=1e-6)
+    assert run.event_impulse.values[0] == pytest.approx(before * speed + behind * after, rel=1e-6)
     assert run.q.values[-1, 0] == pytest.approx(0.6, abs=1e-9)
     assert run.driving_force.values[-1, 0] == pytest.approx(3 * N, rel=1e-9)
     np.testing.assert_allclose(run.motor_torque, 3.0, rtol=1e-9)

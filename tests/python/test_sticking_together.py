@@ -84,7 +84,7 @@ def test_friction_of_next_to_nothing_does_not_stop_a_run() -> None:
 ])
 def test_what_turns_back_together_jumps_nowhere(method: str, speed: float) -> None:
     """At the dead centre of a ram its guide and the joint on it turn back at once; nothing drives the mechanism, so its energy cannot rise."""
-    text = (Path(__file__).parents[1] / "scenes" / "sticks_at_dead_centres.toml").read_text().replace("velocity = -6.2", f"velocity = {speed}")
+    text = (Path(__file__).parents[1] / "holding" / "sticks_at_dead_centres.toml").read_text().replace("velocity = -6.2", f"velocity = {speed}")
     run = linkdyn.Scene(text).forward(method=method)
     assert (run.status == 0).all()
     energy = (run.kinetic_energy + run.potential_energy).values
