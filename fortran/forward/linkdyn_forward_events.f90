@@ -13,7 +13,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use linkdyn_measures, only: find_events, tell_events
     use linkdyn_motor_states, only: switch_brakes
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_slip_parts, only: goes_with_others, slip_levers, slip_speeds, with_lead
+    use linkdyn_slip_parts, only: goes_with_others, slip_levers, with_lead
     use linkdyn_stop_states, only: leave_stop
     implicit none (type, external)
 
@@ -210,32 +210,8 @@ contains
             has_changed = has_changed .or. any(strikes, dim=2)
             is_over = is_over .or. self%way%is_driven_through
         end if
-        call hold_what_is_let_go(self, t, y, rested)
         if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
     end procedure meet_events
-
-    !> What a stop lets go of stands still: a clutch that slips there, by rounding of the impact before, may hold it.
-    subroutine hold_what_is_let_go(self, t, y, rested)
-        class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes)
-        real(wp), intent(inout) :: y(:, :)
-        logical, intent(in) :: rested(:, :)            !! before (lane, n_stop)
-        real(wp), parameter :: still = 1.0e-12_wp      !! of the fastest slip so far
-        real(wp) :: slip(lanes, n_clutch(self%model%scene))
-        logical, dimension(lanes, n_clutch(self%model%scene)) :: stands, is_closed
-        logical :: is_let_go(lanes)
-
-        is_let_go = any(rested .and. .not. self%way%stops%rests, dim=2)
-        if (.not. any(is_let_go) .or. size(slip, 2) == 0) return
-        call self%look_closely(t, y)
-        slip = slip_speeds(self%model, slips(self%model, self%look, level_velocity))
-        associate (of => self%way%clutch)
-            stands = spread(is_let_go, 2, size(slip, 2)) .and. of%is_closed .and. .not. of%holds .and. slip <= still*of%fastest
-            stands = with_lead(self%model%scene, stands) .and. of%is_closed
-            is_closed = of%is_closed
-        end associate
-        if (any(stands)) call engage(self, t, y, is_closed, stands)
-    end subroutine hold_what_is_let_go
 
     !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give
     !> way, releases. What clutches and stops make of theirs comes later, of all together.
