@@ -712,11 +712,13 @@ contains
     !> as in a spherical linkage drawn from its centre, there is none, and any does. Parts that are placed as one count as one.
     pure real(wp) function scene_size(model)
         type(model_type), intent(in) :: model
-        logical :: counts(size(model%joint))
+        logical :: counts(size(model%joint)), is_plain
         integer :: i, j
 
         associate (joint => model%joint, last => size(model%joint))
-            if (joint(last)%told == last) then
+            is_plain = .true.
+            if (last > 0) is_plain = joint(last)%told == last
+            if (is_plain) then
                 scene_size = size_of(joint(:model%n_joint))
                 return
             end if
