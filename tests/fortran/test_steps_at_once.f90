@@ -260,8 +260,8 @@ contains
 
         call load_model(error, scenes(1), model)
         if (allocated(error%message)) return
-        q(1, :) = [(model%start_q(1) + 0.1_wp*i, i=1, n)]
-        qd(1, :) = [(-60.0_wp + 6.0_wp*i, i=1, n)]
+        q(1, :) = [(model%start_q(1) + 2.0_wp*i/n, i=1, n)]
+        qd(1, :) = [(-60.0_wp + 120.0_wp*i/n, i=1, n)]
         call compare_with_lanes(error, "fast cranks", model, q, qd, 5.0e-4_wp, [0.1_wp, 0.5_wp], 1.0e-10_wp, results)
         if (allocated(error%message)) return
         call check(error, maxval(results%q(1, 2, :)) > 10 .and. minval(results%q(1, 2, :)) < -10, "whole turns were made")
@@ -311,8 +311,8 @@ contains
 
         call load_model(error, scenes(1), model)
         if (allocated(error%message)) return
-        q(1, :) = [(model%start_q(1) + 0.1_wp*i, i=1, n)]
-        qd(1, :) = [(2.0_wp*i, i=1, n)]
+        q(1, :) = [(model%start_q(1) + 1.6_wp*i/n, i=1, n)]
+        qd(1, :) = [(32.0_wp*i/n, i=1, n)]
         call compare_with_lanes(error, "long steps", model, q, qd, 0.04_wp, [2.4_wp, 6.0_wp], 1.0e-7_wp, results)
         if (allocated(error%message)) return
         call check(error, any(results%outcome /= 0) .and. any(results%outcome == 0), "some stop, some do not")
