@@ -342,9 +342,9 @@ def keep_memory(n_bytes: int) -> None:
 
 def sampling(handle: int, t: Floats, q: Floats, qd: Floats, qdd: Floats) -> str:
     """Whether samples (n, n_q) of a motion are too far from each other for peaks to be seen, in words; empty: they are not."""
-    told, *failure = _api.api_sampling(handle, t, _flat(q), _flat(qd), _flat(qdd))
-    check(*failure)
-    return told.decode("utf-8", errors="replace").strip()  # type: ignore[no-any-return]
+    told, code, message = _api.api_sampling(handle, t, _flat(q), _flat(qd), _flat(qdd))
+    check(code, message)
+    return told.decode("utf-8", errors="replace").strip()
 
 
 def state_loads(handle: int, in_order: bool, q: Floats, qd: Floats, t: Floats, n_load: int) -> Floats:
