@@ -62,6 +62,7 @@ contains
         type(summary_type) :: summary
         type(states_type) :: states
         type(status_type) :: status
+        character(len=:), allocatable :: coarse
         real(wp) :: seconds
         integer :: n_sample
 
@@ -84,6 +85,11 @@ contains
             call open_results(config, model, layout, n_sample, output, status)
         end if
         if (status%is_ok() .and. states%has_spline_rates) call note_result("rates", spline_rates, output, status)
+        coarse = ""
+        if (status%is_ok() .and. .not. allocated(states%time)) then
+            coarse = sampling_in_words(model, n_sample)
+            call note_result("coarse_sampling", coarse, output, status)
+        end if
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         call solver%free()
         if (.not. status%is_ok()) then
@@ -93,10 +99,7 @@ contains
         if (.not. config%quiet) call print_summary(model, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
         if (states%has_spline_rates .and. .not. config%quiet) write (unit, "(a)") "  rates            "//spline_rates
-        if (.not. (allocated(states%time) .or. config%quiet)) then
-            if (sampling_in_words(model, n_sample) /= "") &
-                write (unit, "(a)") "  sampling         "//sampling_in_words(model, n_sample)
-        end if
+        if (coarse /= "" .and. .not. config%quiet) write (unit, "(a)") "  sampling         "//coarse
         exit_status = exit_done
         if (summary%failure%n == 0) return
         exit_status = exit_samples_failed
@@ -178,7 +181,6 @@ contains
         call note_assembly(layout, summary, output, status)
         if (variable_index(layout, result_assembly) > 0) call note_result("failure", reason_of_loss(summary), output, status)
         if (has_hard_stops(model%scene)) call note_result("beyond_stops", passed_stops(model%scene, summary), output, status)
-        if (.not. allocated(states%time)) call note_result("coarse_sampling", sampling_in_words(model, n_sample), output, status)
         call close_results(output, status)
 
     contains

@@ -24,7 +24,7 @@ contains
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         real(wp), intent(in), dimension(:, :) :: q, qd, qdd    !! (n_q, n)
         character(len=:), allocatable :: text
-        real(wp) :: turn, swing, most
+        real(wp) :: turn, swing, amplitude, most
         integer :: k, worst
         logical :: turns
 
@@ -36,8 +36,9 @@ contains
         do k = 1, model%n_q
             turn = 0
             if (.not. (is_length(model, k) .or. is_screw(model, k))) turn = widest(t, qd(k, :))
-            swing = sqrt(widest(t, sqrt(abs(qdd(k, :))))**2/max(range_of(q(k, :))/2, tiny(1.0_wp)))
-            if (range_of(q(k, :)) <= epsilon(1.0_wp)*maxval(abs(q(k, :)))) swing = 0
+            swing = 0
+            amplitude = (maxval(q(k, :)) - minval(q(k, :)))/2
+            if (amplitude > epsilon(1.0_wp)*maxval(abs(q(k, :)))) swing = widest(t, sqrt(abs(qdd(k, :))/amplitude))
             if (.not. max(turn, swing) > most) cycle
             if (max(turn, swing) > huge(1.0_wp)) cycle
             worst = k
@@ -58,10 +59,4 @@ contains
 
         widest = maxval((t(2:) - t(:size(t) - 1))*max(abs(rate(2:)), abs(rate(:size(rate) - 1))))
     end function widest
-
-    pure real(wp) function range_of(q)
-        real(wp), intent(in) :: q(:)
-
-        range_of = maxval(q) - minval(q)
-    end function range_of
 end module linkdyn_coarse_sampling

@@ -9,7 +9,7 @@ module linkdyn_planar_start
     use linkdyn_constants, only: pi
     use linkdyn_group_start, only: find_group_start, take_group_start
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: run_step, clear_flags
+    use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: start_of_coordinate
     use linkdyn_locked_coordinate, only: find_locked
@@ -17,27 +17,14 @@ module linkdyn_planar_start
         by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: joint_prismatic
-    use linkdyn_start_choices, only: start_choices, begin_choices, most_passes
+    use linkdyn_start_choices, only: start_choices, place_all
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, to_text
     use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, place_all, start_group
-
-    abstract interface
-        !> Place the links of a step of the plan, in the nearest of its ways that are not passed over.
-        subroutine place_one(model, i, choices, state, status, like)
-            import :: model_type, start_choices, kinematic_state, status_type
-            type(model_type), intent(inout) :: model
-            integer, intent(in) :: i
-            type(start_choices), intent(inout) :: choices
-            type(kinematic_state), intent(inout) :: state
-            type(status_type), intent(inout) :: status
-            type(model_type), intent(in), optional :: like
-        end subroutine place_one
-    end interface
+    public :: assemble_start, start_group
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
@@ -53,6 +40,7 @@ contains
 
         if (.not. status%is_ok() .or. .not. model%is_planar) return
         allocate (model%start_q(model%n_q), model%branch(model%n_dyad), model%chosen_by(model%n_dyad))
+        model%branch = 1
         do k = 1, model%n_q
             model%start_q(k) = start_of_coordinate(model%scene, k)
         end do
@@ -64,60 +52,6 @@ contains
         state%qdd = 0
         call place_all(model, state, by_nothing, place_planar_step, status, like)
     end subroutine assemble_start
-
-    !> Steps, each in the nearest of its ways with which those behind it close; without any such, in the nearest of all.
-    subroutine place_all(model, state, by_default, place_step, status, like)
-        type(model_type), intent(inout) :: model
-        type(kinematic_state), intent(inout) :: state
-        integer, intent(in) :: by_default                  !! what chooses branches if nothing speaks: one of `by_*`
-        procedure(place_one) :: place_step
-        type(status_type), intent(inout) :: status
-        type(model_type), intent(in), optional :: like     !! a model that stands as this one will
-        type(start_choices) :: choices
-        type(status_type) :: first
-        integer :: pass, stuck
-        logical :: goes_on
-
-        call begin_choices(size(model%step), choices)
-        do pass = 1, most_passes
-            call make_pass(status)
-            if (pass == 1) first = status
-            if (stuck == 0) return
-            call choices%go_back(stuck, goes_on)
-            if (.not. goes_on .or. size(model%group) == 0) exit
-            status = status_type()
-        end do
-        status = first
-        if (pass == 1 .or. .not. status%is_ok()) return
-        call begin_choices(size(model%step), choices)
-        call make_pass(status)
-
-    contains
-
-        !> Ends at the first step that cannot be closed with what was chosen for those before. What is only out of reach is told,
-        !> and the pass goes on.
-        !> the pass goes on.
-        subroutine make_pass(status)
-            type(status_type), intent(inout) :: status
-            logical :: is_lost
-            integer :: i
-
-            stuck = 0
-            model%branch = 1
-            state%branch = 1
-            model%chosen_by = by_default
-            do i = 1, size(model%group)
-                model%group(i)%start = 0
-            end do
-            call clear_flags(state)
-            do i = 1, size(model%step)
-                is_lost = state%unreachable(1)
-                call place_step(model, i, choices, state, status, like)
-                if (stuck == 0 .and. (.not. status%is_ok() .or. (state%unreachable(1) .and. .not. is_lost))) stuck = i
-                if (.not. status%is_ok()) return
-            end do
-        end subroutine make_pass
-    end subroutine place_all
 
     !> A step of the plan of a planar mechanism.
     subroutine place_planar_step(model, i, choices, state, status, like)

@@ -11,8 +11,8 @@ module linkdyn_spatial_start
     use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_hung, step_between, &
         step_gimbal, step_group, may_turn, turns_in_two, by_branch, by_start, by_nothing
     use linkdyn_laws, only: start_of_coordinate
-    use linkdyn_planar_start, only: place_all, start_group
-    use linkdyn_start_choices, only: start_choices
+    use linkdyn_planar_start, only: start_group
+    use linkdyn_start_choices, only: start_choices, place_all
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_step_part, only: describe_step
     use linkdyn_status, only: status_type

@@ -621,7 +621,7 @@ contains
                 where (is_free(:, i)) self%way%clutch%ease(:, i) = max(self%way%clutch%ease(:, i), ease)
             end associate
         end do
-        may_hold = is_free .and. gives_way(self, response)
+        may_hold = is_free .and. is_movable(self, response)
         do i = 1, size(is_free, 2)
             associate (of_lead => may_hold(:, self%model%scene%clutch(i)%lead))
                 of_lead = of_lead .or. may_hold(:, i)
@@ -649,19 +649,19 @@ contains
     end subroutine lead_through_losses
 
     !> Does anything move by a push of a clutch? Where a joint turns back while others move on, nothing does.
-    pure function gives_way(self, response)
+    pure function is_movable(self, response)
         class(forward_system), intent(in) :: self
         real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
-        logical :: gives_way(lanes, n_clutch(self%model%scene))
+        logical :: is_movable(lanes, n_clutch(self%model%scene))
         real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: nothing is left of it
         integer :: i
 
-        do i = 1, size(gives_way, 2)
+        do i = 1, size(is_movable, 2)
             associate (ease => response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i))
-                gives_way(:, i) = ease > rigid*self%way%clutch%ease(:, i)
+                is_movable(:, i) = ease > rigid*self%way%clutch%ease(:, i)
             end associate
         end do
-    end function gives_way
+    end function is_movable
 
     !> What joints that may stick could hold: by the reactions while all that could hold do. And what these have to hold then.
     subroutine find_grip(self, t, y, may_hold, grip, push)
@@ -707,7 +707,7 @@ contains
         call refuse_speed_at_rest(self, is_concerned .and. holds, rate, response)
         n = n_stop(self%model%scene)
         goes_back = sense*rate < 0
-        goes_back(:, n + 1:) = goes_back(:, n + 1:) .and. gives_way(self, response)
+        goes_back(:, n + 1:) = goes_back(:, n + 1:) .and. is_movable(self, response)
         call solve_contacts(response, is_concerned .and. (holds .or. goes_back), -rate, change)
         call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
         call still_rates(self%model, self%layout, self%way%clutch%holds, y)

@@ -101,7 +101,7 @@ contains
                 if (.not. any(is_in_contact(:, k))) cycle
                 if (.not. has_path) unit = much*max(1.0_wp, maxval(abs(own), dim=2))/unit_answer()
                 where (.not. unit <= huge(1.0_wp)) unit = 1
-                call measure(unit)
+                call measure()
             end do
         end subroutine measure_all
 
@@ -116,21 +116,21 @@ contains
         end function unit_answer
 
         !> What a unit more of push k changes.
-        subroutine measure(unit)
-            real(wp), intent(in) :: unit(lanes)
+        subroutine measure()
             real(wp), dimension(lanes, size(base, 2)) :: push, away
             integer :: i
 
             push = base
             push(:, k) = push(:, k) + unit
             call accelerate(self, push, away)
-            if (has_path) then
-                path%gain(:, :, k, phase) = (motor_accelerations(self) - of_motor)/spread(unit, 2, size(of_motor, 2))
-                path%response(:, :, k, phase) = (away - at_rest)/spread(unit, 2, size(away, 2))
-            end if
             do i = 1, size(push, 2)
-                response(:, i, k) = response(:, i, k) + part*((away(:, i) - at_rest(:, i))/unit)
+                away(:, i) = (away(:, i) - at_rest(:, i))/unit
+                response(:, i, k) = response(:, i, k) + part*away(:, i)
             end do
+            if (has_path) then
+                path%response(:, :, k, phase) = away
+                path%gain(:, :, k, phase) = (motor_accelerations(self) - of_motor)/spread(unit, 2, size(of_motor, 2))
+            end if
             do i = 1, self%model%n_q
                 of_coordinates(:, i, k) = of_coordinates(:, i, k) + part*((self%workspace%acceleration(:, i) - own(:, i))/unit)
             end do

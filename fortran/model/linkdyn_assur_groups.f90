@@ -11,7 +11,7 @@
 module linkdyn_assur_groups
     implicit none (type, external)
     private
-    public :: tie_type, grouping_type, find_groups, most_tied
+    public :: tie_type, grouping_type, find_groups, groups_of_links, most_tied
 
     integer, parameter :: most_tied = 12     !! links of a tie
 
@@ -48,6 +48,19 @@ module linkdyn_assur_groups
     end type circle_search
 
 contains
+
+    !> The group of each link, from 0 on; 0: it is known before all of them, as the frame is.
+    pure function groups_of_links(grouping, n_link) result(group)
+        type(grouping_type), intent(in) :: grouping
+        integer, intent(in) :: n_link
+        integer :: group(0:n_link)
+        integer :: g
+
+        group = 0
+        do g = 1, grouping%n_group
+            group(grouping%member(grouping%first(g):grouping%first(g + 1) - 1)) = g
+        end do
+    end function groups_of_links
 
     subroutine find_groups(freedom, is_known, n_joint, tie, grouping)
         integer, intent(in) :: freedom           !! of a link

@@ -6,7 +6,7 @@
 !> when these are. Equations, reactions and measures keep the hinges as they are, and the mass of the link
 !> between. A joined joint is one more in the model's list, as is one carried over from another link (`linkdyn_welded_links`).
 module linkdyn_joined_joints
-    use linkdyn_assur_groups, only: grouping_type
+    use linkdyn_assur_groups, only: grouping_type, groups_of_links
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_kinds, only: wp
@@ -37,7 +37,7 @@ contains
 
         may_join = .false.
         if (model%is_planar) return
-        may_join = size(links_between(model, grouping, order_of(model, grouping))) > 0
+        may_join = size(links_between(model, grouping, groups_of_links(grouping, model%n_link))) > 0
     end function may_join
 
     !> Links of groups that may be between.
@@ -56,19 +56,6 @@ contains
             end do
         end do
     end function links_between
-
-    !> The group of each link; 0: it is known before all of them.
-    pure function order_of(model, grouping) result(order)
-        type(model_type), intent(in) :: model
-        type(grouping_type), intent(in) :: grouping
-        integer :: order(0:model%n_link)
-        integer :: g
-
-        order = 0
-        do g = 1, grouping%n_group
-            order(grouping%member(grouping%first(g):grouping%first(g + 1) - 1)) = g
-        end do
-    end function order_of
 
     !> Joints of a link with those that are placed before, or with it. What hangs on it besides follows, wherever it is.
     pure function holding_joints(model, link, order) result(joint)
@@ -129,7 +116,7 @@ contains
         integer, allocatable :: link(:)
 
         n_between = 0
-        order = order_of(model, grouping)
+        order = groups_of_links(grouping, model%n_link)
         link = links_between(model, grouping, order)
         do i = 1, size(link)
             call join_at(model, link(i), order, link, n_between)

@@ -17,8 +17,7 @@ module linkdyn_model
     public :: open_part_type, arm_type, driven_type
     public :: axes_of_world, axes_of_joint, axes_of_link
     public :: step_pose, step_joint, step_ups, step_csp, step_rus, step_pus, step_rod, step_hung, step_between, step_gimbal, &
-        step_rrr, &
-        step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_name
+        step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_parts, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions, gapes, parts_slowly, parts_gently, stands_still, friction_is_shared, &

@@ -6,7 +6,7 @@
 !> behind those that hold something and those by which coordinates lead, and steps and groups of the plan name it in place of the
 !> real one.
 module linkdyn_welded_links
-    use linkdyn_assur_groups, only: grouping_type
+    use linkdyn_assur_groups, only: grouping_type, groups_of_links
     use linkdyn_joint_table, only: joint_fixed, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, joint_type, side_of, list_joints_of_links
@@ -38,12 +38,9 @@ contains
         type(model_type), intent(in) :: model
         type(grouping_type), intent(in) :: grouping
         integer, allocatable :: weld(:)
-        integer :: group(0:model%n_link), g, j
+        integer :: group(0:model%n_link), j
 
-        group = 0
-        do g = 1, grouping%n_group
-            group(grouping%member(grouping%first(g):grouping%first(g + 1) - 1)) = g
-        end do
+        group = groups_of_links(grouping, model%n_link)
         allocate (weld(0))
         if (.not. any(model%joint(:model%n_joint)%kind == joint_fixed)) return
         do j = 1, model%n_joint

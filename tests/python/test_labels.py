@@ -64,7 +64,7 @@ def test_time_may_lead(run: xr.Dataset) -> None:
         run.sel(time=0.5, method="nearest").linkdyn.marker("hand.tool")
 
 
-def test_what_was_taken_away_is_empty_in_tables(run: xr.Dataset, tmp_path: Path) -> None:
+def test_what_was_taken_away_is_empty_in_tables(run: xr.Dataset) -> None:
     some = run.where(run.time < 0.5).linkdyn.to_frame()
     assert set(some["status"]) == {"ok", ""}
 
