@@ -81,19 +81,14 @@ contains
             n_used = min(lanes, longest)
             do m = 1, 2*longest
                 if (2*column(n_used) < m) n_used = n_used - 1
-                ! lanes to spare do what the last one used does; nobody looks at them
                 instant = t + m*substep
                 if (2*column(n_used) == m) instant(n_used) = t + step
-                instant(n_used + 1:) = instant(n_used)
                 do i = 1, size(y)
                     self%trial(:, i) = y(i) + self%now(:, i)
-                    self%trial(n_used + 1:, i) = self%trial(n_used, i)
                 end do
-                system%n_used = n_used
-                call system%evaluate(instant, self%trial, self%rate, failed)
-                system%n_used = lanes
+                call system%evaluate_first(n_used, instant, self%trial, self%rate, failed)
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed(:n_used)) .or. is_interrupted()
+                has_failed = any(failed) .or. is_interrupted()
                 if (has_failed) return
                 if (2*column(n_used) == m) call end_column(self, n_used, column(n_used), substep(n_used))
                 do i = 1, size(y)

@@ -64,7 +64,7 @@ module linkdyn_lane_system
         procedure :: meet_crossings
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
-        procedure, non_overridable :: evaluate_spread
+        procedure, non_overridable :: evaluate_first, evaluate_spread
         procedure :: take_whole_steps
         procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
@@ -90,6 +90,30 @@ module linkdyn_lane_system
     end interface
 
 contains
+
+    !> f on the first lanes. Those to spare become copies of the last of these: what they held may be nothing at all, and would be
+    !> led and iterated on beside the others, whose last digits hang on how often that is done.
+    subroutine evaluate_first(self, n, t, y, rate, failed)
+        class(lane_system), intent(inout) :: self
+        integer, intent(in) :: n                          !! lanes
+        real(wp), intent(inout) :: t(lanes)
+        real(wp), intent(inout), contiguous :: y(:, :)    !! (lane, n)
+        real(wp), intent(out), contiguous :: rate(:, :)   !! (lane, n)
+        logical, intent(out) :: failed(lanes)             !! not set where nobody looks
+        integer :: k
+
+        t(n + 1:) = t(n)
+        do k = 1, size(y, 2)
+            y(n + 1:, k) = y(n, k)
+        end do
+        self%n_used = n
+        call self%evaluate(t, y, rate, failed)
+        self%n_used = lanes
+        failed(n + 1:) = .false.
+        do k = 1, size(y, 2)
+            rate(n + 1:, k) = rate(n, k)
+        end do
+    end subroutine evaluate_first
 
     !> f of one solution.
     subroutine evaluate_alone(self, t, y, rate, failed)

@@ -111,7 +111,7 @@ contains
         if (.not. again) call need_jacobian(self, system, t, step, y, start_rate)
         has_failed = .false.
         do first = 1, k, lanes
-            ! Lanes to spare do what the longest column does; nobody looks at them.
+            ! lanes to spare do what the longest column does
             column = [(min(first + l - 1, k), l=1, lanes)]
             n_used = min(lanes, k - first + 1)
             n_substep = self%n_substep(column)
@@ -125,11 +125,9 @@ contains
                 do i = 1, size(y)
                     self%trial(:, i) = y(i) + self%now(:, i)
                 end do
-                system%n_used = n_used
-                call system%evaluate(instant, self%trial, self%rate, failed)
-                system%n_used = lanes
+                call system%evaluate_first(n_used, instant, self%trial, self%rate, failed)
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed(:n_used) .and. m <= n_substep(:n_used)) .or. is_interrupted()
+                has_failed = any(failed .and. m <= n_substep) .or. is_interrupted()
                 if (has_failed) return
                 do i = 1, size(y)
                     self%before(:, i) = 0
@@ -207,19 +205,19 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, y(:), nudge(:)
         real(wp), intent(in) :: start_rate(:), mode       !! rates at y, and their number among jumps
+        real(wp) :: instant(lanes)
         integer :: first, last, ahead, back, beyond, i
         logical :: failed(lanes), is_beyond(lanes)
 
         do first = 1, size(y), lanes/2
             last = min(size(y), first + lanes/2 - 1)
+            instant = t
             self%trial = spread(y, 1, lanes)
             do i = first, last
                 self%trial(lane_of(i), i) = y(i) + nudge(i)
                 self%trial(lane_of(i) + 1, i) = y(i) - nudge(i)
             end do
-            system%n_used = lane_of(last) + 1
-            call system%evaluate(spread(t, 1, lanes), self%trial, self%rate, failed)
-            system%n_used = lanes
+            call system%evaluate_first(lane_of(last) + 1, instant, self%trial, self%rate, failed)
             self%n_evaluation = self%n_evaluation + 1
             is_beyond = abs(system%mode - mode) > 0
             do i = first, last

@@ -203,16 +203,14 @@ contains
 
         do first = 1, size(along, 2), lanes
             n_used = min(lanes, size(along, 2) - first + 1)
-            do lane = 1, lanes
-                i = first + min(lane, n_used) - 1         ! lanes to spare do what the last does
+            do lane = 1, n_used
+                i = first + lane - 1
                 instant(lane) = t + length*share(i)
                 state(lane, :) = y + along(:, i)
             end do
-            system%n_used = n_used
-            call system%evaluate(instant, state, found, failed)
-            system%n_used = lanes
+            call system%evaluate_first(n_used, instant, state, found, failed)
             n_evaluation = n_evaluation + 1
-            has_failed = any(failed(:n_used)) .or. is_interrupted()
+            has_failed = any(failed) .or. is_interrupted()
             if (has_failed) return
             rate(:, first:first + n_used - 1) = transpose(found(:n_used, :))
         end do
