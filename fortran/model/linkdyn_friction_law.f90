@@ -13,10 +13,10 @@ contains
     pure elemental real(wp) function friction_of_speed(contact, speed) result(c)
         type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: speed         !! [m/s]
-        real(wp) :: one(1)
+        real(wp) :: one(1, 1)
 
-        call friction_of_speeds(contact, 1, [speed], one)
-        c = one(1)
+        call friction_of_speeds([contact], 1, reshape([speed], [1, 1]), one)
+        c = one(1, 1)
     end function friction_of_speed
 
     !> The same of a contact that may stick and is known to slide one way: it rubs as a surface does that slides, however slowly;
@@ -30,29 +30,32 @@ contains
         if (sense <= 1.5_wp) c = sliding_coefficient(contact, speed)/speed
     end function friction_one_way
 
-    !> The same for one contact at many speeds.
+    !> The same for contacts at many speeds each.
     pure subroutine friction_of_speeds(contact, n, speed, c)
-        type(contact_type), intent(in) :: contact
+        type(contact_type), intent(in) :: contact(:)
         integer, intent(in) :: n
-        real(wp), intent(in) :: speed(n)      !! [m/s]
-        real(wp), intent(out) :: c(n)         !! [s/m]
-        integer :: i
+        real(wp), intent(in) :: speed(n, size(contact))    !! [m/s]
+        real(wp), intent(out) :: c(n, size(contact))       !! [s/m]
+        real(wp) :: mu(n)
+        integer :: k
 
-        c = 0
-        if (.not. (contact%coulomb > 0 .or. contact%static > 0)) return
-        c = speed/contact%creep_speed
-        call find_tangents(n, c)
-        do i = 1, n
-            if (speed(i) > 0) then
-                c(i) = c(i)/speed(i)
-            else
-                c(i) = 1/contact%creep_speed
-            end if
+        do k = 1, size(contact)
+            c(:, k) = 0
+            if (rubs_drily(contact(k))) c(:, k) = speed(:, k)/contact(k)%creep_speed
         end do
-        if (contact%stribeck_speed > 0) then
-            c = sliding_coefficient(contact, speed)*c
-        else                                  ! which is the same at all speeds
-            c = sliding_coefficient(contact, 0.0_wp)*c
-        end if
+        call find_tangents(size(c), c)
+        do k = 1, size(contact)
+            if (.not. rubs_drily(contact(k))) cycle
+            mu = sliding_coefficient(contact(k), 0.0_wp)
+            if (contact(k)%stribeck_speed > 0) mu = sliding_coefficient(contact(k), speed(:, k))
+            ! at rest what it comes to
+            c(:, k) = mu*merge(c(:, k)/max(speed(:, k), tiny(1.0_wp)), 1/contact(k)%creep_speed, speed(:, k) > 0)
+        end do
     end subroutine friction_of_speeds
+
+    pure logical function rubs_drily(contact)
+        type(contact_type), intent(in) :: contact
+
+        rubs_drily = contact%coulomb > 0 .or. contact%static > 0
+    end function rubs_drily
 end module linkdyn_friction_law

@@ -10,7 +10,7 @@ module linkdyn_recorded_friction
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_part
     use linkdyn_force_program, only: trace_forces, list_forces
     use linkdyn_friction, only: pressing_force
-    use linkdyn_friction_law, only: friction_of_speed, friction_of_speeds, friction_one_way
+    use linkdyn_friction_law, only: friction_of_speeds, friction_one_way
     use linkdyn_inputs, only: trace_request, sample_set, in_effort, in_friction, in_found, in_sense
     use linkdyn_kernel, only: find_boundary
     use linkdyn_kinds, only: wp
@@ -41,6 +41,7 @@ module linkdyn_recorded_friction
     type :: friction_space
         type(program_space) :: before, press           !! of blocks; what the first has found stays among the second's inputs
         type(program_space) :: before_one, press_one   !! of single samples
+        real(wp), allocatable :: speed(:, :)           !! at which contacts slide (lane, contact) [m/s]
         real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
         real(wp), allocatable :: force(:, :)           !! that presses (lane, contact) [N]
         real(wp), allocatable :: force_after(:, :)     !! with friction as that makes it
@@ -205,19 +206,33 @@ contains
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: first, count
         type(friction_space), intent(inout), target :: space
-        real(wp) :: speed(most_lanes)                  !! [m/s]
         integer :: i
 
         call load_samples(programs%before, arrays, first, count, space%before)
         call run_ahead(programs%before, space%before, count, out_found, programs%press, space%press, &
                        goes_to(out_square, space%factor, is_of_block=.true.))
-        do i = 1, size(programs%contact)
-            speed(:count) = sqrt(max(space%factor(:count, i), 0.0_wp))
-            call friction_of_speeds(programs%contact(i), count, speed, space%factor(:count, i))
-            if (associated(arrays%of(in_sense)%x)) &
-                call slide_one_way(programs%contact(i), senses(arrays, i, first, count), speed(:count), space%factor(:count, i))
-        end do
+        associate (speed => space%speed)
+            call find_speeds(size(speed), space%factor, speed)
+            speed(count + 1:, :) = 0                   ! of lanes to spare
+            call friction_of_speeds(programs%contact, size(speed, 1), speed, space%factor)
+            if (.not. associated(arrays%of(in_sense)%x)) return
+            do i = 1, size(programs%contact)
+                call slide_one_way(programs%contact(i), senses(arrays, i, first, count), speed(:count, i), space%factor(:count, i))
+            end do
+        end associate
     end subroutine find_factors
+
+    !> Of their squares, which rounding may have taken below zero.
+    pure subroutine find_speeds(n, square, speed)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: square(n)              !! [m2/s2]
+        real(wp), intent(inout) :: speed(n)            !! [m/s]
+        integer :: i
+
+        do i = 1, n
+            speed(i) = sqrt(merge(square(i), 0.0_wp, square(i) > 0))
+        end do
+    end subroutine find_speeds
 
     !> Factors of a contact that may stick, in samples in which it slides one way or holds.
     pure subroutine slide_one_way(contact, sense, speed, factor)
@@ -342,7 +357,7 @@ contains
         associate (amount => space%amount_of_one(:, 1))
             space%found_of_one(:, 1) = both(:programs%n_found)
             speed = sqrt(max(both(programs%n_found + 1:), 0.0_wp))
-            factor = friction_of_speed(programs%contact, speed)
+            call friction_of_speeds(programs%contact, 1, speed, factor)
             if (associated(arrays%of(in_sense)%x)) then
                 do i = 1, size(factor)
                     call slide_one_way(programs%contact(i), senses(arrays, i, 1, 1), speed(i:i), factor(i:i))
@@ -395,6 +410,7 @@ contains
 
         if (allocated(space%force)) return
         associate (n => size(programs%contact), lanes => block_lanes())
+            allocate (space%speed(lanes, n), source=0.0_wp)
             allocate (space%factor(lanes, n), space%force(lanes, n), space%force_after(lanes, n), space%amount(lanes, n))
             allocate (space%transmitted(lanes, programs%n_lossy*(1 + programs%n_lossy)))
         end associate
