@@ -22,6 +22,10 @@ MARKS = 1000
 """Samples that are followed to see whether a way passes anything; if so, all are."""
 
 
+Stretch = tuple[float, float] | None
+"""Of the one coordinate of a scene, over which the way from the start passes no change point."""
+
+
 def count_others(scene: Scene, q: NDArray[np.float64], status: NDArray[np.intc], t: NDArray[np.float64] | None) -> int:
     """How many samples without fault lie in another assembly than the way from the start leads to, which a warning says, too.
 
@@ -36,9 +40,16 @@ def count_others(scene: Scene, q: NDArray[np.float64], status: NDArray[np.intc],
     t
         Their instants, (N,) or (1,); None: there are none.
     """
+    ends = _ends(q)
+    if _lies_within(ends, scene._clear):
+        return 0
     sound = np.flatnonzero(status == 0)
     way = _way(q[sound], None if t is None or len(t) == 1 else t[sound])
-    if way is None or _passed(scene, _marks(way)) == 0:
+    if way is None:
+        return 0
+    if _passed(scene, _marks(way)) == 0:
+        if len(sound) == len(q):
+            scene._clear = _both(ends, scene._clear)
         return 0
     led, own = scene.poses(way, in_order=True), scene.poses(way, in_order=False)
     both = (led.status == 0) & (own.status == 0)
@@ -55,6 +66,20 @@ def count_others(scene: Scene, q: NDArray[np.float64], status: NDArray[np.intc],
             stacklevel=3,
         )
     return n
+
+
+def _ends(q: NDArray[np.float64]) -> Stretch:
+    """Of the samples, if one coordinate leads."""
+    return (float(q.min()), float(q.max())) if q.shape[1] == 1 and len(q) > 0 else None
+
+
+def _lies_within(ends: Stretch, clear: Stretch) -> bool:
+    return ends is not None and clear is not None and clear[0] <= ends[0] and ends[1] <= clear[1]
+
+
+def _both(a: Stretch, b: Stretch) -> Stretch:
+    """The stretch over both: the start lies between them."""
+    return a if a is None or b is None else (min(a[0], b[0]), max(a[1], b[1]))
 
 
 def _way(q: NDArray[np.float64], t: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

@@ -27,7 +27,7 @@ from ._changes import changed
 from ._code import GeneratedCode
 from ._lines_of_dict import told_by_keys
 from ._listing import only
-from ._other_assemblies import count_others
+from ._other_assemblies import Stretch, count_others
 from ._output import scene_inputs
 from ._pose import Pose, as_poses, attitude_variables, pose_columns, quaternion_of
 from ._progress import Progress
@@ -181,6 +181,7 @@ class Scene:
         self.links = _names(self.description["links"][1:])
         self.loads = _names(self.description["loads"])
         self._handles: dict[tuple[str, ...], int] = {(): handle}
+        self._clear: Stretch = None  # where no change point is met
         self._jobs: dict[tuple[Any, ...], _Job] = {}
         self._forward: dict[tuple[str, str, bool], tuple[dict[str, tuple[tuple[int, ...], type]], RunTemplate]] = {}
 

@@ -71,3 +71,17 @@ def test_nothing_is_told_of_samples_that_lie_on_the_same_assembly(scene: linkdyn
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert scene.inverse(angles).attrs["other_in_order"] == 0
+
+
+@PLANAR
+def test_a_stretch_known_to_be_clear_is_not_led_again(scene: linkdyn.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Batches within samples that met no change point cost nothing more; beyond these they do, and are told of."""
+    led: list[int] = []
+    passed = linkdyn._other_assemblies._passed
+    monkeypatch.setattr(linkdyn._other_assemblies, "_passed", lambda scene, way: led.append(len(way)) or passed(scene, way))
+    for angles, times_led in ((ANGLES[:3], 1), (ANGLES[1:3], 1), (ANGLES[:4], 2), (ANGLES[:4][::-1], 2)):
+        assert scene.inverse(angles).attrs["other_in_order"] == 0 and len(led) == times_led
+    for times_led in (3, 4):
+        with pytest.warns(UserWarning, match="2 of 6 samples on their own lie past a change point"):
+            assert scene.inverse(ANGLES).attrs["other_in_order"] == 2
+        assert len(led) == times_led
