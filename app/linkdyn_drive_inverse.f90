@@ -46,6 +46,7 @@ module linkdyn_drive_inverse
     type :: scratch_type
         real(wp), allocatable :: load(:, :, :)            !! (6, n_load, n)
         real(wp), allocatable :: nothing(:, :)            !! coordinates of a structure, which has none (0, n)
+        real(wp), allocatable :: time(:)                  !! at which loads act on states without one [s] (n)
     end type scratch_type
 
 contains
@@ -80,7 +81,8 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, wanted_of(config, model%scene), .true., layout, dyad=dyad_names(model), &
+            call describe_results(model%scene, wanted_of(config, model%scene), follow_each_other(states), layout, &
+                                  dyad=dyad_names(model), &
                                   length=typical_length(model), follows_assembly=follows_assembly(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
@@ -196,7 +198,7 @@ contains
             call prepare_scratch(model, n, scratch)
             !$omp do schedule(dynamic, 1)
             do k = 1, n_group
-                call start_summary(layout, part(k))
+                call start_summary(layout, part(k), int(int(k - 1, int64)*n_block/n_group)*length)
                 do i = int(int(k - 1, int64)*n_block/n_group), int(int(k, int64)*n_block/n_group) - 1
                     first = i*length + 1
                     n = min(length, n_sample - first + 1)
@@ -231,6 +233,13 @@ contains
         end subroutine take_block
     end subroutine run_blocks
 
+    !> Are the samples instants of a motion? States without time stand alone, each.
+    pure logical function follow_each_other(states)
+        type(states_type), intent(in) :: states       !! not allocated: the scene's motion
+
+        follow_each_other = states%is_motion .or. .not. allocated(states%time)
+    end function follow_each_other
+
     !> Values of a sample.
     pure integer function width_of(layout) result(width)
         type(layout_type), intent(in) :: layout
@@ -248,7 +257,7 @@ contains
         integer, intent(in) :: n
         type(scratch_type), intent(out) :: scratch
 
-        allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n))
+        allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n), scratch%time(n))
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
@@ -276,6 +285,7 @@ contains
         logical :: stands_alone
 
         call view_values(layout, result_time, n, block, time)
+        if (.not. associated(time)) time => scratch%time(:n)
         call view_values(layout, result_q, n, block, q)
         call view_values(layout, result_qd, n, block, qd)
         call view_values(layout, result_qdd, n, block, qdd)
@@ -303,7 +313,7 @@ contains
             call sample_times(model, first, time)
             call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n), attitude)
         end if
-        stands_alone = allocated(states%time) .and. .not. states%is_motion
+        stands_alone = .not. follow_each_other(states)
         if (any(attitude /= 0)) then
             if (.not. stands_alone) call refuse_way_past_pole(model, attitude, time, status)
             if (.not. status%is_ok()) return

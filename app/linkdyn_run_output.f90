@@ -105,7 +105,7 @@ contains
 
         if (output%is_none) return
         if (output%is_csv) then
-            call put_csv(layout, block, n, output%csv, status)
+            call put_csv(layout, block, first, n, output%csv, status)
         else
             call put_netcdf(layout, block, first, n, output%netcdf, status)
         end if

@@ -59,6 +59,8 @@ module linkdyn_summary
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
+        logical :: has_time = .true.                            !! else the number of a sample, from 0, stands for its instant
+        integer :: n_before = 0                                 !! samples of the run before the first of these
         type(event_type) :: failure
         integer :: first_failure = sample_ok                    !! status of that sample
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
@@ -82,11 +84,14 @@ module linkdyn_summary
 
 contains
 
-    subroutine start_summary(layout, summary)
+    subroutine start_summary(layout, summary, n_before)
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(out) :: summary
+        integer, intent(in), optional :: n_before    !! samples of the run that others sum up; absent: none
         integer :: i
 
+        summary%has_time = variable_index(layout, result_time) > 0
+        if (present(n_before)) summary%n_before = n_before
         call start_range(layout%dimension(dim_actuator)%size, summary%drive)
         call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
         allocate (summary%overload(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_torque_margin) > 0)))
@@ -168,11 +173,12 @@ contains
         character(len=*), intent(in), optional :: why
         type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed, and what cylinders can
         real(wp), parameter :: rounding = 1.0e-9_wp  !! of a force that is none, by the largest of the sample
-        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :), variable(:, :)
+        real(wp), pointer :: force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :), variable(:, :)
         integer, pointer :: code(:), assembly(:), limited(:, :)
+        real(wp) :: time(n)
         integer :: i, k, n_force
 
-        call view_values(layout, result_time, n, block, time)
+        time = instants_of(layout, block, n, summary)
         call view_values(layout, result_status, n, block, code)
         call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
@@ -182,7 +188,7 @@ contains
         call view_values(layout, result_contact_force, n, block, press)
         call view_values(layout, result_controller_limited, n, block, limited)
         call view_values(layout, result_joint_variable, n, block, variable)
-        if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
+        if (present(scene)) call look_at_stops(layout, scene, block, time, summary%beyond)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
         summary%n_sample = summary%n_sample + n
@@ -239,6 +245,24 @@ contains
             end do
         end subroutine note_cylinders
     end subroutine add_to_summary
+
+    !> When the samples are: their instants, or their numbers where they have none.
+    function instants_of(layout, block, n, summary) result(time)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in), target :: block
+        integer, intent(in) :: n                     !! samples
+        type(summary_type), intent(in) :: summary    !! without them
+        real(wp) :: time(n)
+        real(wp), pointer :: instant(:)
+        integer :: i
+
+        call view_values(layout, result_time, n, block, instant)
+        if (associated(instant)) then
+            time = instant
+        else
+            time = [(summary%n_before + summary%n_sample + i - 1, i=1, n)]
+        end if
+    end function instants_of
 
     !> Motors with less torque than is asked of them, but for rounding: what is saturated is not beyond its limit.
     subroutine note_overload(torque, margin, t, overload)
@@ -321,19 +345,18 @@ contains
     end subroutine note_limits
 
     !> Samples beyond stops that throw back, as far as joint variables are among the results.
-    subroutine look_at_stops(layout, scene, block, n, beyond)
+    subroutine look_at_stops(layout, scene, block, time, beyond)
         type(layout_type), intent(in) :: layout
         type(scene_type), intent(in) :: scene
         type(block_type), intent(in), target :: block
-        integer, intent(in) :: n                     !! samples
+        real(wp), intent(in) :: time(:)              !! of the samples, as of `instants_of`
         type(event_type), allocatable, intent(inout) :: beyond(:)
-        real(wp), pointer :: time(:), variable(:, :)
+        real(wp), pointer :: variable(:, :)
         integer :: i, k, v
 
         if (.not. has_hard_stops(scene)) return
         if (.not. allocated(beyond)) allocate (beyond(n_stop(scene)))
-        call view_values(layout, result_time, n, block, time)
-        call view_values(layout, result_joint_variable, n, block, variable)
+        call view_values(layout, result_joint_variable, size(time), block, variable)
         if (.not. associated(variable)) return
         do k = 1, n_stop(scene)
             associate (stop => scene%stop(k), measure => scene%laws%measure(scene%stop(k)%measure), &
@@ -342,7 +365,7 @@ contains
                 v = findloc(label, trim(scene%joint(measure%joint)%name)//"."// &
                             trim(variable_name(measure%variable, scene%joint(measure%joint)%kind)), dim=1)
                 if (v == 0) cycle
-                do i = 1, n
+                do i = 1, size(time)
                     if (stop%side*(variable(v, i) - stop%bound) > touch) call count_event(time(i), beyond(k))
                 end do
             end associate

@@ -38,9 +38,9 @@ contains
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         n_solved = max(1, summary%n_sample - summary%failure%n)
         if (summary%has_force) &
-            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, unit)
+            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, summary%has_time, unit)
         if (size(summary%motor%lowest) > 0) then
-            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, unit)
+            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, summary%has_time, unit)
         end if
         if (summary%has_reaction) then
             write (unit, "(a)") ""
@@ -51,7 +51,7 @@ contains
             write (unit, "(a)") ""
             write (unit, "(a)") "  no reactions: the solver does without them"
         end if
-        if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
+        if (size(summary%worst) > 0) call print_errors(layout, summary%worst, summary%has_time, unit)
         write (unit, "(a)") ""
         if (idle_spins(model%scene) /= "") write (unit, "(a)") &
             "  idle spins       "//idle_spins(model%scene)//": held, nothing else depends on them"
@@ -70,7 +70,7 @@ contains
         call print_lifts()
         if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)
         if (summary%anew%n > 0) write (unit, "(a)") "  reassembled      from the start of the scene, at " &
-            //times_text(summary%anew)
+            //times_text(summary%anew, summary%has_time)
         if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
             " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
         if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
@@ -96,7 +96,7 @@ contains
                 if (k == 0 .or. model%scene%joint(j)%cam%is_groove) cycle
                 if (summary%lift(k)%n > 0) write (unit, "(a)") "  lifts            "//quoted(model%joint(j)%name)// &
                     ": the follower would leave its cam in "//significant(100*real(summary%lift(k)%n, wp)/n_solved)// &
-                    " % of the samples ("//times_text(summary%lift(k))//")"
+                    " % of the samples ("//times_text(summary%lift(k), summary%has_time)//")"
             end do
         end subroutine print_lifts
 
@@ -111,7 +111,7 @@ contains
                 return
             end if
             write (unit, "(a)") "  "//what//"  "//right(significant(sqrt(peak%value)), 12)//" "//unit_name//"  at "// &
-                trim(layout%dimension(dim_joint)%label(peak%place))//", t = "//significant(peak%time)//" s"
+                trim(layout%dimension(dim_joint)%label(peak%place))//", "//instant(peak%time, summary%has_time)
         end subroutine print_reaction
     end subroutine print_summary
 
@@ -131,10 +131,11 @@ contains
         end do
     end function named_units
 
-    subroutine print_range(title, name, range, unit)
+    subroutine print_range(title, name, range, has_time, unit)
         character(len=*), intent(in) :: title
         character(len=*), intent(in) :: name(:)
         type(range_type), intent(in) :: range
+        logical, intent(in) :: has_time              !! as of the summary
         integer, intent(in) :: unit
         integer, parameter :: number_width = 12, time_width = 10
         real(wp) :: rms(size(name))
@@ -144,7 +145,7 @@ contains
         width = max(len("driving force"), maxval(len_trim(name)))
         write (unit, "(a)") ""
         write (unit, "(a)") "  "//left(title, width)//right("lowest", number_width)// &
-            right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
+            right(clock(has_time), time_width)//right("highest", number_width)//right(clock(has_time), time_width)// &
             right("rms", number_width)
         do k = 1, size(name)
             if (.not. range%highest(k)%is_set) then
@@ -153,17 +154,18 @@ contains
             end if
             write (unit, "(a)") "  "//left(name(k), width)// &
                 right(significant(-range%lowest(k)%value), number_width)// &
-                right(significant(range%lowest(k)%time), time_width)// &
+                right(reading(range%lowest(k)%time, has_time), time_width)// &
                 right(significant(range%highest(k)%value), number_width)// &
-                right(significant(range%highest(k)%time), time_width)// &
+                right(reading(range%highest(k)%time, has_time), time_width)// &
                 right(significant(rms(k)), number_width)
         end do
     end subroutine print_range
 
     !> The largest estimated errors with their places; which of them is the worst beside the largest value of its kind.
-    subroutine print_errors(layout, worst, unit)
+    subroutine print_errors(layout, worst, has_time, unit)
         type(layout_type), intent(in) :: layout
         type(error_peak_type), intent(in) :: worst(:)
+        logical, intent(in) :: has_time              !! as of the summary
         integer, intent(in) :: unit
         integer, parameter :: name_width = 24, number_width = 12, time_width = 10
         character(len=:), allocatable :: mark
@@ -173,7 +175,7 @@ contains
         relative = worst%error%value/max(worst%largest, tiny(1.0_wp))
         write (unit, "(a)") ""
         write (unit, "(a)") "  "//left("estimated error", name_width)//right("largest", number_width)// &
-            right("of at most", number_width)//right("at t [s]", time_width)//"  of"
+            right("of at most", number_width)//right(clock(has_time), time_width)//"  of"
         do i = 1, size(worst)
             if (.not. worst(i)%error%is_set) cycle
             mark = ""
@@ -181,7 +183,7 @@ contains
             associate (variable => layout%variable(worst(i)%place))
                 write (unit, "(a)") "  "//left(trim(variable%name)//" ["//trim(worst(i)%unit)//"]", name_width)// &
                     right(rounded(worst(i)%error%value), number_width)//right(significant(worst(i)%largest), number_width)// &
-                    right(significant(worst(i)%error%time), time_width)//"  "// &
+                    right(reading(worst(i)%error%time, has_time), time_width)//"  "// &
                     label_of_value(layout, variable, worst(i)%error%place)//mark
             end associate
         end do
@@ -208,7 +210,7 @@ contains
 
         text = "none"
         if (summary%failure%n > 0) text = to_text(summary%failure%n)//" of "//to_text(summary%n_sample)// &
-            ", first at t = "//significant(summary%failure%first)//" s: "// &
+            ", first at "//instant(summary%failure%first, summary%has_time)//": "// &
             trim(sample_status_name(summary%first_failure))
         if (len_trim(summary%why) > 0) text = text//": "//trim(summary%why)
     end function failure_text
@@ -219,7 +221,7 @@ contains
         character(len=:), allocatable :: text
 
         text = ""
-        if (len_trim(summary%why) > 0) text = "t = "//significant(summary%failure%first)//" s: "//trim(summary%why)
+        if (len_trim(summary%why) > 0) text = instant(summary%failure%first, summary%has_time)//": "//trim(summary%why)
     end function reason_of_loss
 
     !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m required, 4 N m available"; blank: none is
@@ -235,7 +237,7 @@ contains
             associate (overload => summary%overload(k))
                 call tell_excess("motor of "//quoted(layout%dimension(dim_motor)%label(k)), overload, &
                                  significant(overload%asked)//" N m", &
-                                 significant(overload%asked - overload%lack%value)//" N m", text)
+                                 significant(overload%asked - overload%lack%value)//" N m", summary%has_time, text)
             end associate
         end do
     end function overloads
@@ -252,7 +254,7 @@ contains
         do k = 1, size(summary%pressure)
             call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%pressure(k), &
                              significant(summary%pressure(k)%asked/bar)//" bar", &
-                             significant(scene%actuator(k)%cylinder%supply/bar)//" bar", text)
+                             significant(scene%actuator(k)%cylinder%supply/bar)//" bar", summary%has_time, text)
         end do
     end function pressures_above
 
@@ -268,23 +270,53 @@ contains
             associate (ends => scene%actuator(k)%cylinder%stroke)
                 call tell_excess("cylinder at "//quoted(scene%actuator(k)%name), summary%stroke(k), &
                                  significant(summary%stroke(k)%asked)//" m", &
-                                 significant(minval(ends))//" m to "//significant(maxval(ends))//" m", text)
+                                 significant(minval(ends))//" m to "//significant(maxval(ends))//" m", summary%has_time, text)
             end associate
         end do
     end function strokes_left
 
     !> One drive more in a list; nothing of one that has what is asked of it.
-    subroutine tell_excess(what, excess, asked, there, text)
+    subroutine tell_excess(what, excess, asked, there, has_time, text)
         character(len=*), intent(in) :: what         !! it is of
         type(excess_type), intent(in) :: excess
         character(len=*), intent(in) :: asked, there !! with their units
+        logical, intent(in) :: has_time              !! as of the summary
         character(len=:), allocatable, intent(inout) :: text
 
         if (excess%event%n == 0) return
         if (text /= "") text = text//"; "
-        text = text//what//" in "//times_text(excess%event)//", most at t = "//significant(excess%lack%time)//" s: " &
+        text = text//what//" in "//times_text(excess%event, has_time)//", most at "//instant(excess%lack%time, has_time)//": " &
                //asked//" required, "//there//" available"
     end subroutine tell_excess
+
+    !> "t = 0.3 s", or "sample 3" where samples have no time.
+    function instant(time, has_time) result(text)
+        real(wp), intent(in) :: time
+        logical, intent(in) :: has_time              !! as of the summary
+        character(len=:), allocatable :: text
+
+        text = "sample "//reading(time, has_time)
+        if (has_time) text = "t = "//reading(time, has_time)//" s"
+    end function instant
+
+    !> The number in it.
+    function reading(time, has_time) result(text)
+        real(wp), intent(in) :: time
+        logical, intent(in) :: has_time              !! as of the summary
+        character(len=:), allocatable :: text
+
+        text = significant(time)
+        if (.not. has_time) text = to_text(nint(time))
+    end function reading
+
+    !> What stands above such numbers.
+    function clock(has_time) result(text)
+        logical, intent(in) :: has_time              !! as of the summary
+        character(len=:), allocatable :: text
+
+        text = "at sample"
+        if (has_time) text = "at t [s]"
+    end function clock
 
     !> "controller 'S' in 12 samples, first at t = 0.3 s"; blank: none was at a limit.
     function limits_reached(layout, summary) result(text)
@@ -297,7 +329,8 @@ contains
         do k = 1, size(summary%limited)
             if (summary%limited(k)%n == 0) cycle
             if (text /= "") text = text//"; "
-            text = text//"controller "//quoted(layout%dimension(dim_controller)%label(k))//" in "//times_text(summary%limited(k))
+            text = text//"controller "//quoted(layout%dimension(dim_controller)%label(k))//" in " &
+                   //times_text(summary%limited(k), summary%has_time)
         end do
     end function limits_reached
 
@@ -313,17 +346,18 @@ contains
         do k = 1, size(summary%beyond)
             if (summary%beyond(k)%n == 0) cycle
             if (text /= "") text = text//"; "
-            text = text//quoted(scene%stop(k)%name)//" of "//trim(scene%stop(k)%what)//" by "//times_text(summary%beyond(k))
+            text = text//quoted(scene%stop(k)%name)//" of "//trim(scene%stop(k)%what)//" by " &
+                   //times_text(summary%beyond(k), summary%has_time)
         end do
     end function passed_stops
 
     !> "3 samples, first at t = 0.72 s"
-    function times_text(event) result(text)
+    function times_text(event, has_time) result(text)
         type(event_type), intent(in) :: event
+        logical, intent(in) :: has_time              !! as of the summary
         character(len=:), allocatable :: text
 
-        text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at t = "//significant(event%first) &
-               //" s"
+        text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at "//instant(event%first, has_time)
     end function times_text
 
     !> "20 passed on the smooth continuation, the first before t = 0.72 s"
@@ -332,7 +366,7 @@ contains
         character(len=:), allocatable :: text
 
         text = to_text(summary%n_passed)//" passed on the smooth continuation"
-        if (summary%crossing%n > 0) text = text//", the first before t = "//significant(summary%crossing%first)//" s"
+        if (summary%crossing%n > 0) text = text//", the first before "//instant(summary%crossing%first, summary%has_time)
     end function crossings_text
 
     function gravity_text(scene) result(text)

@@ -1,12 +1,16 @@
-!> Results into a CSV file: one row a sample, one column a number, names with units in the first row.
+!> Results into a CSV file: one row a sample, one column a number, names with units in the first row. Samples without time
+!> have their number, from 0, in its place.
 !>
 !> Numbers have as many digits as reading them back to the same value takes: 17 at most, in quadruple precision 36.
 module linkdyn_csv_writer
     use linkdyn_input, only: put_number, number_length
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, discard_output, write_text, finish_text
-    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value
+    use linkdyn_result_kinds, only: result_time
+    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value, variable_index, &
+        dim_sample
     use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: csv_writer, create_csv, put_csv, close_csv, add_table_rows
@@ -34,9 +38,10 @@ contains
     end subroutine create_csv
 
     !> Append one block of samples.
-    subroutine put_csv(layout, block, n, writer, status)
+    subroutine put_csv(layout, block, first, n, writer, status)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in) :: block        !! values of every variable of the layout
+        integer, intent(in) :: first                 !! number of the block's first sample, from 1
         integer, intent(in) :: n                     !! samples in the block
         type(csv_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
@@ -52,6 +57,7 @@ contains
                 length = 0
             end if
             if (.not. status%is_ok()) return
+            if (variable_index(layout, result_time) == 0) call append(to_text(first + i - 2), buffer, length)
             call add_row(layout, block, i, buffer, length)
         end do
         call write_text(writer%file, buffer(:length), status)
@@ -118,7 +124,7 @@ contains
         type(layout_type), intent(in) :: layout
         integer :: k, width
 
-        length = 0
+        length = number_length + 1                       ! the number of a sample
         do k = 1, size(layout%variable)
             if (layout%variable(k)%is_integer) then
                 width = 2*len(layout%variable(k)%flag) + 2   ! all quotes, in quotes
@@ -144,6 +150,7 @@ contains
         integer :: k
 
         row = ""
+        if (variable_index(layout, result_time) == 0) row = ","//trim(layout%dimension(dim_sample)%name)
         do k = 1, size(layout%variable)
             call append_columns(layout, layout%variable(k), row)
         end do

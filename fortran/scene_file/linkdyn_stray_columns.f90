@@ -5,7 +5,7 @@
 module linkdyn_stray_columns
     use linkdyn_csv, only: unit_behind
     use linkdyn_kinds, only: wp
-    use linkdyn_results, only: describe_results, layout_type, wanted_type
+    use linkdyn_results, only: describe_results, layout_type, wanted_type, dim_sample
     use linkdyn_scene, only: scene_type, table_spec
     use linkdyn_suggest, only: suggestion
     use linkdyn_units, only: time_span, unit_factor
@@ -41,7 +41,7 @@ contains
         everything = wanted_type(growth=.true., bound=.true., rcond=.true., distance=.true., errors=.true.)
         call describe_results(scene, everything, .true., inverse, dyad=["dyad"], follows_assembly=.true.)
         call describe_results(scene, everything, .true., forward, is_forward=.true.)
-        word = [inverse%variable%name, forward%variable%name]
+        word = [character(len=word_len) :: inverse%variable%name, forward%variable%name, inverse%dimension(dim_sample)%name]
         word = pack(word, word /= "q" .and. word /= "qd" .and. word /= "qdd")
     end function result_words
 

@@ -8,6 +8,7 @@ const PALETTE = {
   dark: ["#4DA6E0", "#F0803C", "#2CC79B", "#E39BC4", "#E6B422", "#8CCBEF"],
 };
 const DASHES = [[], [6, 3], [2, 3]];
+const WHOLE = Array.from({ length: 30 }, (_, k) => [1, 2, 5][k % 3] * 10 ** Math.floor(k / 3)); // between numbers of samples
 const SHOWN = 6; // series of a result with more: those with the largest peaks
 
 export class Chart {
@@ -86,7 +87,7 @@ export class Chart {
         cursor: { drag: { x: false, y: false }, points: { show: false }, x: false, y: false },
         scales: { x: { time: false }, y: { range: rangeOf } },
         axes: [
-          { ...axis, size: 24 },
+          { ...axis, size: 24, ...(this.run.timed ? {} : { incrs: WHOLE }) },
           {
             ...axis,
             size: 56,

@@ -188,6 +188,8 @@ def _clock(run: xr.Dataset, quantity: str, caller: str) -> Values:
     if n := int((~good_samples(run)).sum()):
         raise InputError(f"{caller}: {n} sample{'s' if n > 1 else ''} failed (expected a run of which all can be computed)")
     times: Values = run.time.values
+    if not times[-1] > times[0]:
+        raise InputError(f"{caller}: all samples of the run are at {times[0]:g} s (expected a run along a motion)")
     return times
 
 

@@ -58,7 +58,7 @@ def scale_axis(axis: Axes, side: str, name: str, unit: str, largest: float, tick
     """Name an axis ("x", "y" or "z") and number it in the unit that suits its values; factor and unit."""
     factor, word = readable(unit, largest) if unit not in ("", "s") else (1.0, unit)
     one = getattr(axis, f"{side}axis")
-    one.set_major_locator(_Locator(factor, ticks))
+    one.set_major_locator(_Locator(factor, ticks, integer=name == "sample"))
     one.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value * factor, np.abs(one.get_view_interval()).max() * factor)))
     one.set_label_text(f"{name} [{word}]" if word else name, parse_math=False)
     return factor, word
@@ -73,8 +73,8 @@ def _tick_text(value: float, largest: float) -> str:
 class _Locator(MaxNLocator):
     """Ticks that are round in another unit."""
 
-    def __init__(self, factor: float, ticks: int) -> None:
-        super().__init__(nbins=ticks, steps=[1, 2, 2.5, 3, 5, 10] if factor == 180 / np.pi else [1, 2, 2.5, 5, 10])
+    def __init__(self, factor: float, ticks: int, integer: bool = False) -> None:
+        super().__init__(nbins=ticks, steps=[1, 2, 2.5, 3, 5, 10] if factor == 180 / np.pi else [1, 2, 2.5, 5, 10], integer=integer)
         self._factor = factor
 
     def tick_values(self, vmin: float, vmax: float) -> Any:

@@ -88,7 +88,8 @@ def _facts(run: xr.Dataset, scene: Scene | None) -> list[str]:
 
 
 def _notes(run: xr.Dataset) -> list[str]:
-    notes = ["A driving force is positive where it drives its joint variable up. Rms values are over the run's time."]
+    over = "the run's time" if "time" in run.coords else "the samples"
+    notes = [f"A driving force is positive where it drives its joint variable up. Rms values are over {over}."]
     if "reaction" in run:
         notes.append("Joint loads are magnitudes, without the driving force of a driven joint.")
     return notes
@@ -141,7 +142,7 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
     if "driving_power" in run:
         power = run.driving_power.values[:, chosen]
         add(["power\nin", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
-        if "time" in run.coords and run.sizes["sample"] > 1 and good_samples(run).all():
+        if "time" in run.coords and run.time[-1] > run.time[0] and good_samples(run).all():
             found = energy(run).isel(drive=chosen)
             mean = found.mean_power.values
             add(["mean\npower"], [np.where(np.abs(mean) < ROUNDING * np.abs(power).max(axis=0), 0.0, mean)], "W")
