@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 from .common import Parser, draw_into_files, refuse, say
 
 if TYPE_CHECKING:
+    from .._geometry.postures import Postures
     from ..scene import Scene
 
 __all__ = ["draw_command", "parser"]
@@ -25,7 +27,7 @@ def parser() -> Parser:
     add = draw.add_argument
     add("scene", metavar="SCENE", help="a scene file")
     add("-o", "--output", metavar="FILE", help="the picture, .png, .svg or .pdf; default: the name of SCENE with .png in this folder")
-    add("--at", metavar="T", help="instant of the motion in s; default: where it begins")
+    add("--at", metavar="T", help="instant in s of the motion, or of the forward run if none is given; default: where it begins")
     add("--no-names", action="store_true", help="without names of links and joints")
     draw.add_last()
     return draw
@@ -38,17 +40,17 @@ def draw_command(arguments: Sequence[str]) -> int:
     if file.suffix.lower() not in ENDINGS:
         return refuse(f"draw: {str(file)!r} (expected a file that ends in {', '.join(ENDINGS)})")
     draw_into_files()
-    from .._drawing.mechanisms import mechanism
+    from .._drawing.mechanisms import draw_alone, mechanism
     from .._output import picture
     from ..errors import LinkdynError
     from ..scene import Scene
 
     try:
         scene = Scene(Path(options.scene))
-        place = None if options.at is None else scene.inverse(t=[_instant(options.at, scene)], want="joint_variable")
-        if place is not None and int(place.status[0]) != 0:
-            return refuse(f"draw: at {options.at} s the mechanism cannot be assembled")
-        figure, _ = mechanism(scene, None if place is None else place.q.values[0], names=not options.no_names)
+        if options.at is None:
+            figure, _ = mechanism(scene, names=not options.no_names)
+        else:
+            figure, _ = draw_alone(_postures(options.at, scene), names=not options.no_names)
         picture(figure, file, scene._inputs(), dpi=150)   # type: ignore[arg-type]
     except LinkdynError as error:
         return refuse(str(error))
@@ -59,15 +61,22 @@ def draw_command(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _instant(text: str, scene: Scene) -> float:
-    """An instant of the scene's motion [s]."""
+def _postures(at: str, scene: Scene) -> Postures:
+    """Where everything is at an instant of the scene's run [s]."""
+    from .._geometry.own_run import poses_at
+    from .._geometry.postures import find_postures
     from ..errors import InputError
 
     try:
-        instant = float(text)
+        instant = float(at)
+        if not math.isfinite(instant):
+            raise ValueError
     except ValueError:
-        raise InputError(f"draw: --at: expected seconds, got {text!r}") from None
-    first, last = scene.description["time"]["first"], scene.description["time"]["last"]
-    if first < last and not first <= instant <= last:
-        raise InputError(f"draw: --at: expected an instant of the motion, from {first:g} to {last:g} s, got {text}")
-    return instant
+        raise InputError(f"draw: --at: expected seconds, got {at!r}") from None
+    try:
+        postures, assembled = find_postures(scene, poses_at(scene, instant))
+    except InputError as error:
+        raise InputError(f"draw: --at: {error}") from error
+    if not assembled[0]:
+        raise InputError(f"draw: at {at} s the mechanism cannot be assembled")
+    return postures

@@ -54,7 +54,8 @@ def view_command(arguments: Sequence[str]) -> int:
 
 
 def _write(options: argparse.Namespace, source: Path, page: Path) -> int:
-    from .._view.page import run_of, view
+    from .._geometry.own_run import run_of
+    from .._view.page import view
     from ..results import read
     from ..scene import Scene
 

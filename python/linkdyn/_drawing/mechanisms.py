@@ -22,7 +22,7 @@ from .spatial_axes import SpatialAxes, add_spatial_axes, set_apart
 from .spatial_shapes import draw_spatial
 from .style import fitting
 
-__all__ = ["draw", "mechanism", "new_axes", "set_limits"]
+__all__ = ["draw", "draw_alone", "mechanism", "new_axes", "set_limits"]
 
 Points = NDArray[np.float64]
 
@@ -65,6 +65,12 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
     if not assembled[0]:
         why = _failure(scene, position)
         raise InputError(f"mechanism: it cannot be assembled in this position{': ' if why else ''}{why}")
+    return draw_alone(postures, names, ax)
+
+
+def draw_alone(postures: Postures, names: bool = True, ax: Axes | None = None) -> tuple[Figure | SubFigure, Axes]:
+    """The picture of a single posture, which can be assembled."""
+    scene = postures.scene
     if ax is None:
         ax = new_axes(pyplot.figure(layout="constrained" if scene.planar else "none"), postures)
     set_limits(ax, postures)

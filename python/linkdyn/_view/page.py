@@ -7,7 +7,6 @@ import json
 import os
 import sys
 import tempfile
-import tomllib
 import webbrowser
 import zlib
 from collections.abc import Mapping
@@ -20,6 +19,7 @@ import xarray as xr
 from .._arguments import as_mapping, as_names, as_path
 from .._drawing.arguments import checked
 from .._drawing.forces import force_kinds
+from .._geometry.own_run import run_of
 from .._geometry.postures import scene_of
 from .._output import write_output
 from ..errors import InputError, UnavailableError
@@ -27,7 +27,7 @@ from ..results import inputs_of
 from ..scene import Scene
 from .data import describe
 
-__all__ = ["View", "bundle", "run_of", "view"]
+__all__ = ["View", "bundle", "view"]
 
 PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -163,15 +163,6 @@ def bundle() -> str:
             "(expected a build with -Dviewer=enabled, which says what it lacks)"
         )
     return path.read_text(encoding="utf-8")
-
-
-def run_of(scene: Scene) -> xr.Dataset:
-    """The run that a scene itself asks for: by its motion; by its drives if no coordinate has one or actuators are missing."""
-    content = tomllib.loads(scene.text)
-    moves = any("motion" in entry for entry in content.get("coordinate", []))
-    drives = any("law" in entry for entry in content.get("actuator", []))
-    is_inverse = len(scene.actuators) == len(scene.coordinates) and (moves or not drives)
-    return scene.inverse() if is_inverse else scene.forward()
 
 
 def meshes_of(scene: Scene) -> dict[str, tuple[str, float]]:
