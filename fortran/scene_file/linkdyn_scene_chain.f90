@@ -14,7 +14,7 @@ module linkdyn_scene_chain
     use linkdyn_toml, only: toml_node, toml_array, toml_string
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         require_table, direction_of, text_of, get_name, get_text, get_flag, get_integer, get_quantity, require_name
-    use linkdyn_scene_names, only: find_marker
+    use linkdyn_scene_names, only: find_marker, unnamed_chain
     use linkdyn_scene_elastic, only: read_elastic
     use linkdyn_scene_links, only: read_mass_properties, carried_x
     use linkdyn_scene_joints, only: require_two_links
@@ -124,8 +124,8 @@ contains
         logical :: is_driven, found
         integer :: i
 
-        chain_name = "leg"
-        if (place%copy > 0) chain_name = "leg"//to_text(place%copy)
+        chain_name = unnamed_chain
+        if (place%copy > 0) chain_name = unnamed_chain//to_text(place%copy)
         call get_name(place, "name", chain_name, status, found)
         if (.not. status%is_ok()) return
         place%what = "chain "//quoted(chain_name)

@@ -10,9 +10,10 @@ module linkdyn_scene_names
     implicit none (type, external)
     private
     public :: find_marker, find_link, find_joint, find_variable, refuse_double_links, refuse_double_joints
-    public :: no_index
+    public :: no_index, unnamed_chain
 
     integer, parameter :: no_index = -1            !! of what was not found
+    character(len=*), parameter :: unnamed_chain = "leg"    !! what a chain without name is called
 
 contains
 

@@ -6,6 +6,7 @@
 module linkdyn_scene_parameters
     use linkdyn_kinds, only: wp
     use linkdyn_scene_keys, only: scene_place, refuse
+    use linkdyn_scene_names, only: unnamed_chain
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep_spec, only: axis_spec, axis_parameter, multiply_by, add_to
@@ -370,7 +371,7 @@ contains
                 inner = found%node%get(path(next:last))
                 item = 0
             else
-                call find_named(found%node, path(next:last), inner, item, is_one)
+                call find_named(found%node, found%key, path(next:last), inner, item, is_one)
                 if (.not. is_one) then
                     problem = "several in "//quoted(path(:next - 2))//" are called "//quoted(path(next:last)) &
                               //" (expected one of them, by its number: "//path(:next - 2)//"[0] is the first)"
@@ -385,7 +386,7 @@ contains
             end if
             return
         end do
-        call list_names(found%node, names)
+        call list_names(found%node, found%key, names)
         if (found%node%kind() /= toml_table .and. found%node%kind() /= toml_array) then
             problem = quoted(path(:next - 2))//" is "//found%node%kind_text()//" and has no "//quoted(path(next:))
         else
@@ -397,8 +398,9 @@ contains
     end subroutine step_down
 
     !> The table of a list that bears a name: a joint's may have the variable behind it, `C` or `C.slide`.
-    subroutine find_named(list, name, found, item, is_one)
+    subroutine find_named(list, key, name, found, item, is_one)
         type(toml_node), intent(in) :: list
+        character(len=*), intent(in) :: key     !! at which the list stands
         character(len=*), intent(in) :: name
         type(toml_node), intent(out) :: found
         integer, intent(out) :: item
@@ -412,7 +414,7 @@ contains
         is_one = .true.
         do i = 1, list%count()
             node = list%at(i)
-            own = name_of(node)
+            own = name_of(node, key)
             if (own == "" .or. (own /= name .and. own//"."//text_of(node, "variable") /= name)) cycle
             if (item > 0) is_one = .false.
             if (item == 0) found = node
@@ -434,9 +436,10 @@ contains
         if (inner%kind() == toml_string) call inner%get_text(text, is_text)
     end function text_of
 
-    !> What a table of a list is called by.
-    function name_of(node) result(name)
+    !> What a table of a list is called by. A chain without name has the one that its legs are named after.
+    function name_of(node, list) result(name)
         type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: list    !! its key
         character(len=:), allocatable :: name
         character(len=8), parameter :: key(*) = [character(len=8) :: "name", "actuator", "joint", "link", "marker", "on"]
         integer :: i
@@ -446,10 +449,12 @@ contains
             name = text_of(node, trim(key(i)))
             if (name /= "") return
         end do
+        if (list == "chain") name = unnamed_chain
     end function name_of
 
-    subroutine list_names(node, names)
+    subroutine list_names(node, list, names)
         type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: list    !! key at which it stands
         character(len=key_len), allocatable, intent(out) :: names(:)
         character(len=:), allocatable :: key
         integer :: i, line
@@ -464,7 +469,7 @@ contains
                 call node%key(i, key, line)
                 names(i) = key
             else
-                names(i) = name_of(node%at(i))
+                names(i) = name_of(node%at(i), list)
             end if
         end do
     end subroutine list_names

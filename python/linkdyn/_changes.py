@@ -196,7 +196,7 @@ def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, va
 
 
 def _label(key: str, item: Mapping[str, Any]) -> str:
-    """What a table of a list is called: "crank", "J1", "C.slide", "platform.tool"."""
-    name = next((str(item[label]) for label in _LABELS.get(key, ("name",)) if label in item), "")
+    """What a table of a list is called: "crank", "J1", "C.slide", "platform.tool"; a chain without name as its legs are."""
+    name = next((str(item[label]) for label in _LABELS.get(key, ("name",)) if label in item), "leg" if key == "chain" else "")
     has_variable = "variable" in item and "name" not in item and key in _LABELS and key != "controller"
     return f"{name}.{item['variable']}" if has_variable else name
