@@ -15,7 +15,7 @@ module linkdyn_scene_laws
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
-    public :: table_shelf, files_of, read_law, law_of_column, column_in_si, table_law, constant_law
+    public :: table_shelf, files_of, name_reader, read_law, law_of_column, column_in_si, table_law, constant_law
     public :: spline, straight_lines, table_reading, read_table_keys, take_table, has_column, require_positive
 
     integer, parameter :: spline = 1           !! between rows: cubic spline with continuous acceleration
@@ -27,6 +27,7 @@ module linkdyn_scene_laws
 
     type :: shelf_place
         type(table_spec), allocatable :: table
+        character(len=:), allocatable :: reader        !! file, line and part of the scene that took it last
     end type shelf_place
 
     !> The tables read so far: six columns of one file are one reading.
@@ -230,11 +231,14 @@ contains
         if (allocated(shelf%place)) n = size(shelf%place)
         path = path_in_folder(shelf%folder, file)
         do i = 1, n
-            if (shelf%place(i)%table%file == path) return
+            if (shelf%place(i)%table%file /= path) cycle
+            shelf%place(i)%reader = reader_of(place)
+            return
         end do
         allocate (longer(n + 1))
         do j = 1, n
             call move_alloc(shelf%place(j)%table, longer(j)%table)
+            call move_alloc(shelf%place(j)%reader, longer(j)%reader)
         end do
         allocate (longer(n + 1)%table)
         call move_alloc(longer, shelf%place)
@@ -243,9 +247,33 @@ contains
                 //" letters", status)
             return
         end if
-        where = place_text(place, place%line)//": "//trim(place%what)//": table "//quoted(path)
+        shelf%place(n + 1)%reader = reader_of(place)
+        where = reader_of(place)//": table "//quoted(path)
         call read_csv(path, where, shelf%place(n + 1)%table, status, is_foreign=.not. is_inside(path, trim(shelf%folder)))
     end subroutine take_table
+
+    function reader_of(place) result(text)
+        type(scene_place), intent(in) :: place
+        character(len=:), allocatable :: text
+
+        text = place_text(place, place%line)//": "//trim(place%what)
+    end function reader_of
+
+    !> Before a message that begins with a table: which part of the scene asked for it. Reading ends at the first failure, so that is
+    !> who took the table last.
+    subroutine name_reader(shelf, status)
+        type(table_shelf), intent(in) :: shelf
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        if (status%is_ok() .or. .not. allocated(shelf%place)) return
+        do i = 1, size(shelf%place)
+            if (.not. allocated(shelf%place(i)%reader)) cycle
+            if (index(status%message, trim(shelf%place(i)%table%file)//":") /= 1) cycle
+            status%message = shelf%place(i)%reader//": "//trim(status%message)
+            return
+        end do
+    end subroutine name_reader
 
     !> Names of the files that were read.
     pure function files_of(shelf) result(files)

@@ -21,7 +21,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_controllers, only: read_controllers
     use linkdyn_scene_chain, only: count_chain_parts, read_chains
     use linkdyn_scene_slots, only: count_slots, make_blocks
-    use linkdyn_scene_laws, only: table_shelf, files_of
+    use linkdyn_scene_laws, only: table_shelf, files_of, name_reader
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
     use linkdyn_scene_brakes, only: find_brake_events
@@ -208,6 +208,7 @@ contains
         call read_stops(root, shelf, scene, status)
         call read_clutches(root, shelf, scene, status)
         call read_frictions(root, shelf, scene, status)
+        call name_reader(shelf, status)
         scene%laws = shelf%book
         if (status%is_ok()) call check_cylinders(root, scene, status)
         scene%table_file = files_of(shelf)
