@@ -42,7 +42,7 @@ contains
         text = ""
         best = called_here(word, words)
         if (best > 0) then
-            text = "; did you mean "//quoted(words(best))//"?"
+            text = "; did you mean "//quoted(words(best))//or_alike(word, words, best)//"?"
             return
         end if
         nearest = 1 + len_trim(word)/4
@@ -58,6 +58,21 @@ contains
         if (best == 0) best = beginning_with(word, words)
         if (best > 0) text = "; did you mean "//quoted(words(best))//"?"
     end function suggestion
+
+    !> " or 'mPa'": words before the one that was found which differ from it, and from what was written, in the size of letters alone.
+    pure function or_alike(word, words, one) result(text)
+        character(len=*), intent(in) :: word
+        character(len=*), intent(in) :: words(:)
+        integer, intent(in) :: one
+        character(len=:), allocatable :: text
+        integer :: i, k
+
+        text = ""
+        do i = 1, one - 1
+            if (lower_case(words(i)) == lower_case(word) .and. all(words(i) /= words([(k, k=1, i - 1), one]))) &
+                text = text//" or "//quoted(words(i))
+        end do
+    end function or_alike
 
     !> The word for what others call otherwise, or write in letters of another size; 0: none.
     pure integer function called_here(word, words) result(found)

@@ -313,13 +313,15 @@ contains
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: problem
         character(len=*), parameter :: of_thousands(*) = pack(units%name, index(units%prefixes, "k") > 0), &
-            of_thousandths(*) = pack(units%name, index(units%prefixes, "m") > 0)
+            of_thousandths(*) = pack(units%name, index(units%prefixes, "m") > 0), &
+            of_millions(*) = pack(units%name, index(units%prefixes, "M") > 0)
 
         problem = quoted(name)//" is not a unit that linkdyn knows"
         if (two_units(name) /= "") then
             problem = problem//"; two units stand apart: "//quoted(two_units(name))
         else
-            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//of_thousands, "m"//of_thousandths])
+            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//of_thousands, "m"//of_thousandths, &
+                                                &"M"//of_millions])
         end if
     end function unknown_unit
 
