@@ -51,6 +51,9 @@ class _Reader:
         self.joints = self._named("joint")
         root = file.root
         driven = [*root.findall("transmission/joint"), *(j for j in root.findall("ros2_control/joint") if j.find("command_interface") is not None)]
+        for joint in driven:
+            if joint.get("name", "") not in self.joints:
+                raise self.file.refuse(joint, "the robot has no such joint (expected one of its joints)")
         self.driven = {joint.get("name", "") for joint in driven}
 
     def robot(self) -> Robot:
