@@ -651,7 +651,7 @@ class Scene:
             (msbdf: 1e-5) is, and ``attrs["tolerance"]`` says what was. What has gone less than 0.01 so far is allowed that much less, so that
             small motions have digits, too.
         want, solver, threads
-            As for `inverse`, and "controller" and "clutch"; "power" brings the energies and the work too. Without ``want`` all is
+            As for `inverse`, and "controller", "clutch" and "cylinder"; "power" brings the energies and the work too. Without ``want`` all is
             computed but the singularity distance and errors; what costs nothing, such as the motion, is always there.
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
