@@ -30,8 +30,10 @@ contains
         if (allocated(config%output)) then
             path = without_ending(config%output)
         else
-            path = default_name(config%scene)//"_"//trim(kernel_name(config%code%kernel))
+            path = ""
         end if
+        if (path == "" .or. index(path, "/", back=.true.) == len(path)) &    ! a folder
+            path = path//default_name(config%scene)//"_"//trim(kernel_name(config%code%kernel))
         if (status%is_ok()) call refuse_inputs(path//".h", model%scene, status)
         if (status%is_ok()) call refuse_inputs(path//".c", model%scene, status)
         if (status%is_ok()) then

@@ -4,6 +4,7 @@ module linkdyn_output_file
     use, intrinsic :: iso_c_binding, only: c_char, c_int
     use linkdyn_path, only: resolve_path, path_file, path_missing
     use linkdyn_status, only: status_type, fail, status_io_error
+    use linkdyn_text, only: quoted
     implicit none (type, external)
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
@@ -305,7 +306,16 @@ contains
         character(len=*), intent(in) :: reason
         type(status_type), intent(inout) :: status
 
-        call fail(status, status_io_error, file%target//": cannot be written: "//trim(reason))
+        character(len=:), allocatable :: folder, why
+        logical :: is_there
+
+        why = trim(reason)
+        folder = file%place(:index(file%place, "/", back=.true.))
+        if (folder /= "") then
+            inquire (file=folder//".", exist=is_there)
+            if (.not. is_there) why = "there is no folder "//quoted(file%target(:index(file%target, "/", back=.true.) - 1))
+        end if
+        call fail(status, status_io_error, file%target//": cannot be written: "//why)
     end subroutine say_why
 
     subroutine remove_file(path)

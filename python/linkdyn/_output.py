@@ -78,7 +78,7 @@ def write_output(target: str | os.PathLike[str], data: str | bytes, inputs: Inpu
     except IsADirectoryError:
         raise _cannot(name, "is a folder (expected a file name)") from None
     except (OSError, ValueError) as error:
-        raise _cannot(name, getattr(error, "strerror", None) or str(error)) from error
+        raise _cannot(name, _reason(error, name)) from error
 
 
 def write_by(target: str | os.PathLike[str], write: Callable[[str], object], inputs: Inputs = ()) -> None:
@@ -109,7 +109,7 @@ def write_by(target: str | os.PathLike[str], write: Callable[[str], object], inp
     except IsADirectoryError:
         raise _cannot(name, "is a folder (expected a file name)") from None
     except (OSError, ValueError) as error:
-        raise _cannot(name, getattr(error, "strerror", None) or str(error)) from error
+        raise _cannot(name, _reason(error, name)) from error
 
 
 def refuse_inputs(target: str | os.PathLike[str], inputs: Inputs) -> None:
@@ -187,6 +187,12 @@ def _parsed(file: str | os.PathLike[str]) -> dict[str, Any]:
             return tomllib.load(stream)
     except (OSError, ValueError, RecursionError):
         return {}
+
+
+def _reason(error: OSError | ValueError, name: str) -> str:
+    if isinstance(error, FileNotFoundError) and not os.path.isdir(os.path.dirname(name) or "."):
+        return f"there is no folder {os.path.dirname(name)!r}"
+    return getattr(error, "strerror", None) or str(error)
 
 
 def _cannot(name: str, reason: str) -> FileError:

@@ -129,7 +129,7 @@ def test_where_it_goes(tmp_path):
         (["arm", "--sheet"], "unrecognized arguments: --sheet"),
         (["--force"], "no KIND given"),
         (["arm", "-o"], "expected one argument"),
-        (["arm", "-o", "missing/scene.toml"], "missing/scene.toml: cannot be written: No such file or directory"),
+        (["arm", "-o", "missing/scene.toml"], "missing/scene.toml: cannot be written: there is no folder 'missing'"),
         (["arm", "-o", "."], ".: cannot be written: is a folder"),
         (["arm", "-o", ""], "'': cannot be written: No such"),
         (["arm", "-o", "x" * 300], "File name too long"),

@@ -1189,7 +1189,7 @@ def test_what_goes_to_the_terminal_is_told_beside_it(command):
     (["scene.toml", "-o", "other.toml"], "'other.toml' (expected a file that ends in .xml: MJCF is made of 'scene.toml')"),
     (["missing.urdf", "-o", "x.toml"], "missing.urdf: there is no such file"),
     (["missing.toml", "-o", "x.xml"], "missing.toml: there is no such file"),
-    (["fourbar.urdf", "-o", "nowhere/x.toml"], "nowhere/x.toml: cannot be written: No such file or directory"),
+    (["fourbar.urdf", "-o", "nowhere/x.toml"], "nowhere/x.toml: cannot be written: there is no folder 'nowhere'"),
     (["fourbar.urdf", "-o", "x.toml", "--closing", "loose"], "closing: 'loose': unknown joint"),
 ])
 def test_command_refuses_in_one_line(words_given, told, command):
