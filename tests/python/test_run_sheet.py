@@ -490,3 +490,22 @@ def test_the_head_says_from_where_all_is_seen():
     assert any("seen from it" in line for line in run_sheet._facts(run, scene))
     still = linkdyn.new("four-bar")
     assert not any("seen from it" in line for line in run_sheet._facts(still.inverse(t=[0.0, 0.1]), still))
+
+
+def test_drives_that_turn_have_rpm(tmp_path):
+    """As motors and data sheets do; drives that push have m/s."""
+    run = linkdyn.new("slider-crank").inverse()
+    linkdyn.sheet(run, tmp_path / "run.html")
+    (table,) = re.findall(r"<h2>Drives</h2>.*?</table>", (tmp_path / "run.html").read_text(), re.S)
+    assert "[rpm]" in table and "rad/s" not in table
+    assert f"{np.abs(run.driving_speed.values).max() * 30 / np.pi:.4g}" in table
+
+
+def test_interpolated_in_time():
+    """With time as the dimension a run is interpolated as xarray does it, and its methods still know it."""
+    run = linkdyn.new("slider-crank").inverse()
+    timed = run.swap_dims(sample="time")
+    middle = 0.5 * (run.time.values[3] + run.time.values[4])
+    between = timed.interp(time=[middle]).driving_force.values[0]
+    np.testing.assert_allclose(between, run.driving_force.values[3:5].mean(axis=0), rtol=1e-12)
+    assert timed.linkdyn.worst("driving_force").equals(run.linkdyn.worst("driving_force"))

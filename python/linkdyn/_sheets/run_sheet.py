@@ -138,7 +138,8 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
         add(["position\nfrom", "to"], [_peak(path, -1)[0], _peak(path, 1)[0]], length)
     if "driving_speed" in run:
         speed = run.driving_speed.values[:, chosen]
-        add(["peak\nspeed", "rms\nspeed"], [_peak(np.abs(speed), 1)[0], np.atleast_1d(rms(speed, weights))], f"{length}/s")
+        turns = 30 / np.pi if unit == "N m" else 1.0     # as data sheets have it
+        add(["peak\nspeed", "rms\nspeed"], [turns * _peak(np.abs(speed), 1)[0], turns * np.atleast_1d(rms(speed, weights))], "rpm" if unit == "N m" else "m/s")
     if "driving_power" in run:
         power = run.driving_power.values[:, chosen]
         add(["power\nin", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
