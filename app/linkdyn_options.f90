@@ -99,7 +99,7 @@ module linkdyn_options
         option_type("--rtol", "", "R", forward, &
             "relative error allowed in a step; default 1e-9, most 1e-4; rk4 has none"), &
         option_type("--atol", "", "A", forward, &
-            "absolute error allowed in a step; default 1e-9, most 1e-4; rk4 has none"), &
+            "absolute error allowed in a step, in m and rad, and these in a second; default 1e-9, most 1e-4; rk4 has none"), &
         option_type("--lang", "", "NAME", generate, &
             "the language: c"), &
         option_type("--kernel", "", "NAME", generate, &
