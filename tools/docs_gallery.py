@@ -26,7 +26,7 @@ GROUPS = {
     "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar", "wolfrom_drive", "worm_winch"),
     "Cams and slots": ("valve_train", "bucket_tappet", "thread_guide"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
-                  "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
+                  "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole", "swing_arm",
                   "stopped_rocker", "hill_start", "capture", "hoist", "loader_crane", "belt_drive", "fivebar_pick"),
 }
 HEAD = """\
