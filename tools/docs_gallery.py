@@ -18,7 +18,7 @@ from PIL import Image, ImageChops
 
 GROUPS = {
     "Planar linkages": ("fourbar", "slider_crank", "sixbar_slider", "lecture_sixbar", "watt_i", "stephenson_iii", "fivebar_parallel",
-                         "engine_balance", "shaper", "four_stroke", "knuckle_press", "toggle_clamp"),
+                         "engine_balance", "shaper", "four_stroke", "knuckle_press", "toggle_clamp", "scissor_lift", "excavator"),
     "Platforms": ("stewart_drilling", "stewart_workspace", "stewart_tsai", "stewart_taghirad", "stewart_aris", "stewart_mathworks",
                   "delta", "tripod", "ship_hexapod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
