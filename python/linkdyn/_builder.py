@@ -287,7 +287,7 @@ class Builder:
         start
             About where it is at the start: ``{"position": (..), "angles": (..)}`` [m, rad], in a plane ``"angle"``.
         mesh, mesh_unit
-            STL file with its form, for pictures.
+            STL or GLB file with its form, for pictures.
         repeat, about, angles, mirror
             It is there several times: copies, axis, angles [rad], plane of images.
         """

@@ -614,13 +614,21 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     told = "\n".join(found.left_out)
     for words_told in (
         "joint 'A': range -1 to 1 rad", "joint 'A': friction 0.1", "joint 'D': it follows 'A' (a loop leads it)", "mesh 'meshes/crank.STL' (a second one, not in the link's axes)",
-        "mesh 'meshes/crank.dae' (a second one, no STL, the file is not there)", "link 'base': a picture that is no mesh", "1 collision shape(s)", "1 element(s) 'gazebo'",
+        "mesh 'meshes/crank.dae' (a second one, neither STL nor GLB, the file is not there)", "link 'base': a picture that is no mesh", "1 collision shape(s)", "1 element(s) 'gazebo'",
         "frames 'closing_C_1' and '_2' are a revolute joint",
     ):  # fmt: skip
         assert words_told in told, told
     crank = next(table for table in found.builder.to_dict()["link"] if table["name"] == "crank")
     assert (crank["mesh"], crank["mesh_unit"]) == ("meshes/crank.STL", "mm")
     assert repr(found).startswith("<linkdyn.Conversion to a scene: ")
+
+
+def test_bodies_in_glb_are_those_of_links(tmp_path):
+    path = fourbar(tmp_path, BY_FRAMES)
+    (tmp_path / "meshes" / "crank.STL").rename(tmp_path / "meshes" / "crank.glb")
+    path.write_text(path.read_text().replace("crank.STL", "crank.glb").replace(' scale="0.001 0.001 0.001"', ""))
+    crank = next(table for table in linkdyn.convert(path, folder=tmp_path).builder.to_dict()["link"] if table["name"] == "crank")
+    assert (crank["mesh"], crank.get("mesh_unit", "m")) == ("meshes/crank.glb", "m")
 
 
 # ------------------------------------------------------------------------------------------------------------ URDF: mimic

@@ -16,6 +16,8 @@ from linkdyn._view import data as view_data
 from linkdyn._view import page as view_page
 from linkdyn._commands.view import view_command
 
+from test_glb import CORNERS, FACES, body, glb
+
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
 VIEW = "document.querySelector('#linkdyn-view').viewer"
@@ -259,6 +261,19 @@ def test_mesh(browser, tsai_file, tmp_path):
     assert not page.complaints
 
 
+def test_mesh_in_glb(browser, tsai_file, tmp_path):
+    """The same triangles, outside out, as the browser has them."""
+    (tmp_path / "part.glb").write_bytes(glb(*body([{"mesh": 0, "translation": [1, 0, 0]}])))
+    scene = linkdyn.load(tsai_file)
+    page = browser.open(linkdyn.view(scene, tmp_path / "m.html", meshes={"platform": tmp_path / "part.glb"}, mesh_unit=0.1).file)
+    geometry = f"{VIEW}.links[{1 + scene.links.index('platform')}].children[0].geometry"
+    corners = np.array(page.value(f"[...{geometry}.attributes.position.array]")).reshape(-1, 3, 3)
+    np.testing.assert_allclose(corners, 0.1 * (CORNERS[FACES] + [1, 0, 0]), atol=1e-6)
+    normals = np.array(page.value(f"[...{geometry}.attributes.normal.array]")).reshape(-1, 3)
+    np.testing.assert_allclose(normals[:9:3], [[0, 0, -1], [0, -1, 0], [-1, 0, 0]], atol=1e-6)
+    assert not page.complaints
+
+
 def test_texts_stay_texts(browser, fourbar, tmp_path):
     """A title can neither end the script nor bring one."""
     hostile = fourbar.with_({"title": "</script><script>document.title='taken'</script> & <b>"})
@@ -395,7 +410,7 @@ def test_long_runs_are_thinned_out(tsai_file):
         ({"plots": "heat"}, "plots: the run has no 'heat'"),
         ({"traces": "coupler.J9"}, "no moving marker 'coupler.J9'"),
         ({"meshes": {"wheel": "a.stl"}}, "there is no link 'wheel'"),
-        ({"meshes": {"crank": "a.glb"}}, "expected a file that ends in .stl"),
+        ({"meshes": {"crank": "a.obj"}}, "expected a file that ends in .stl or .glb"),
         ({"meshes": {"crank": "nowhere.stl"}}, "nowhere.stl"),
         ({"meshes": {"crank": "empty.stl"}}, "'empty.stl': has no triangles"),
         ({"meshes": {"crank": "short.stl"}}, "'short.stl': has no triangles"),

@@ -76,7 +76,7 @@ class Body:
     markers: dict[str, Array] = field(default_factory=dict)
     """Points in the body's axes [m]."""
     mesh: tuple[str, str] | None = None
-    """STL file and the unit of its coordinates."""
+    """STL or GLB file and the unit of its coordinates."""
 
 
 @dataclass

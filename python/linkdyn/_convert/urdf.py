@@ -1,4 +1,4 @@
-"""URDF, by the standard library alone: the tree, mass properties, STL meshes, and loops as exporters write them.
+"""URDF, by the standard library alone: the tree, mass properties, meshes, and loops as exporters write them.
 
 Joints of a ``transmission``, or with a command interface of ``ros2_control``, are driven. A loop is a link that several joints have for child,
 or a pair of links ``closing_NAME_1`` and ``closing_NAME_2``, frames that are to lie in each other.
@@ -239,7 +239,7 @@ class _Reader:
 
     # --------------------------------------------------------------------------------------------------------------- values
     def _mesh(self, link: Element) -> tuple[str, str] | None:
-        """The one STL file of a link that lies in its axes."""
+        """The one STL or GLB file of a link that lies in its axes."""
         name, found = link.get("name", ""), None
         for visual in link.findall("visual"):
             mesh = visual.find("geometry/mesh")
@@ -251,7 +251,7 @@ class _Reader:
             scale = tuple(self._vector(mesh, "scale", np.ones(3)).tolist())
             where = self._find(file)
             reasons = [reason for is_wrong, reason in (
-                (found is not None, "a second one"), (not file.lower().endswith(".stl"), "no STL"), (scale not in SCALES, "scaled"),
+                (found is not None, "a second one"), (not file.lower().endswith((".stl", ".glb")), "neither STL nor GLB"), (scale not in SCALES, "scaled"),
                 (np.abs(p).max() > 0 or np.abs(r - np.eye(3)).max() > 1e-12, "not in the link's axes"), (where is None, "the file is not there")) if is_wrong]
             if reasons:
                 self.left_out.append(f"link '{name}': mesh '{file[:100]}' ({', '.join(reasons)})")

@@ -27,6 +27,7 @@ from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
 from ..scene import Scene
+from .glb import NotReadError, triangles_of
 
 __all__ = ["Block", "describe"]
 
@@ -103,7 +104,7 @@ def describe(
     traces
         Markers ("coupler.tool"); default: those that move and hold no joint, of a small planar mechanism the joints too.
     meshes
-        Link to STL file, in the link's axes, and the unit of its coordinates [m].
+        Link to STL or GLB file, in the link's axes, and the unit of its coordinates [m].
     """
     need_order(run, "view")
     kept = np.unique(np.round(np.linspace(0, run.sizes["sample"] - 1, min(MOST_FRAMES, run.sizes["sample"]))).astype(int))
@@ -245,15 +246,31 @@ def _mesh(scene: Scene, link: str, file: str, unit: float, block: Block) -> dict
     if link not in names:
         raise InputError(f"view: meshes: there is no link {link!r} (expected one of {', '.join(map(repr, names))})")
     path = Path(file)
-    if path.suffix.lower() != ".stl":
-        raise InputError(f"view: meshes: '{path}': expected a file that ends in .stl")
+    kind = path.suffix.lower()
+    if kind not in (".stl", ".glb"):
+        raise InputError(f"view: meshes: '{path}': expected a file that ends in .stl or .glb")
     try:
         content = path.read_bytes()
     except OSError as error:
         raise FileError(f"view: meshes: '{path}': {error.strerror}") from error
-    if not _has_triangles(content):
+    if kind == ".glb":
+        content = _as_stl(path, content)
+    elif not _has_triangles(content):
         raise InputError(f"view: meshes: '{path}': has no triangles, or fewer than it says (expected an STL file, as text or binary)")
     return {"link": names.index(link), "scale": unit, "values": block.add(f"mesh.{link}", np.frombuffer(content, np.uint8), "uint8")}
+
+
+def _as_stl(path: Path, content: bytes) -> bytes:
+    """Triangles of a GLB file as the browser reads them; it finds normals itself."""
+    try:
+        triangles = triangles_of(content)
+    except NotReadError as error:
+        raise InputError(f"view: meshes: '{path}': {error}") from error
+    if not len(triangles):
+        raise InputError(f"view: meshes: '{path}': has no triangles")
+    facets = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+    facets["corners"] = triangles
+    return b" " * 80 + len(facets).to_bytes(4, "little") + facets.tobytes()
 
 
 def _has_triangles(content: bytes) -> bool:

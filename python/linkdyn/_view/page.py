@@ -112,7 +112,7 @@ def view(
         Markers ("coupler.tool") whose ways are drawn; default: those that hold no joint, of a small planar
         mechanism the joints too.
     meshes
-        Link to STL file that shows its body, in the link's axes, in place of what is drawn for it; beside those that the
+        Link to STL or GLB file that shows its body, in the link's axes, in place of what is drawn for it; beside those that the
         scene names (``mesh``).
     mesh_unit
         Unit of the coordinates in these files [m]: 1e-3 for millimetres.
@@ -166,7 +166,7 @@ def bundle() -> str:
 
 
 def meshes_of(scene: Scene) -> dict[str, tuple[str, float]]:
-    """Link to STL file and the unit of its coordinates [m], as the scene names them."""
+    """Link to STL or GLB file and the unit of its coordinates [m], as the scene names them."""
     return {
         link["name"]: (os.path.join(scene.folder, link["mesh"]), link["mesh_unit"])
         for link in scene.description["links"]
