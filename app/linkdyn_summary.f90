@@ -39,8 +39,8 @@ module linkdyn_summary
     type :: error_peak_type
         integer :: place = 0, place_of_error = 0    !! of the variable and of its error in the layout
         character(len=label_len) :: unit = ""
-        type(peak_type) :: error                 !! `place`: of the value in a sample
-        real(wp) :: largest = 0                  !! value
+        type(peak_type) :: error = peak_type()    !! `place`: of the value in a sample
+        real(wp) :: largest = 0                   !! value
     end type error_peak_type
 
     !> How far values go.

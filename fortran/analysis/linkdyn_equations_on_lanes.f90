@@ -24,7 +24,7 @@ module linkdyn_equations_on_lanes
 
     !> Inputs but for the motion.
     type :: lane_numbers
-        type(block_of_lanes) :: of(n_block)            !! by `in_*`
+        type(block_of_lanes) :: of(n_block) = block_of_lanes()    !! by `in_*`
     end type lane_numbers
 
     !> Components of a vector of the motion, or of a rotation.

@@ -165,10 +165,16 @@ contains
         i = modulo(handle, most_open + 1)
         if (i > size(places)) i = 0
         if (i == 0) return
-        associate (place => places(i))
-            if (.not. associated(place%thing) .or. place%is_closed .or. place%tenant /= handle/(most_open + 1)) i = 0
-        end associate
+        if (.not. is_held(places(i), handle)) i = 0
     end function place_of
+
+    !> Is the thing in the place the one that the handle stands for?
+    pure logical function is_held(place, handle)
+        type(place_type), intent(in) :: place
+        integer(c_intptr_t), intent(in) :: handle
+
+        is_held = associated(place%thing) .and. .not. place%is_closed .and. place%tenant == handle/(most_open + 1)
+    end function is_held
 
     !> Free the place of a thing that nobody uses any more. Under the lock.
     subroutine vacate(place, left)

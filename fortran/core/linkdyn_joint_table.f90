@@ -95,10 +95,12 @@ module linkdyn_joint_table
         kind_row(joint_thread, "thread", 0, no_variable, [0, 0], along_nothing, along_nothing, .false.)]
 
     ! ---- its columns, by the number of the kind
-    character(len=11), parameter :: joint_kind_name(n_kind) = kinds%name
+    integer :: i
+    character(len=11), parameter :: joint_kind_name(n_kind) = [(kinds(i)%name, i=1, n_kind)]    ! flang 19 folds no kinds%name
     integer, parameter :: joint_n_variable(n_kind) = kinds%n_variable
-    character(len=variable_len), parameter :: variable_name(most_variables, n_kind) = &
-        reshape([kinds%variable(1), kinds%variable(2), kinds%variable(3)], [most_variables, n_kind], order=[2, 1])
+    character(len=variable_len), parameter :: variable_name(most_variables, n_kind) = reshape( &
+        [(kinds(i)%variable(1), i=1, n_kind), (kinds(i)%variable(2), i=1, n_kind), (kinds(i)%variable(3), i=1, n_kind)], &
+        [most_variables, n_kind], order=[2, 1])
     integer, parameter :: slide_axis(most_slides, n_kind) = &
         reshape([kinds%slide_axis(1), kinds%slide_axis(2)], [most_slides, n_kind], order=[2, 1])
     integer, parameter :: force_directions(n_kind) = kinds%force

@@ -75,7 +75,7 @@ module linkdyn_inputs
     !> Numbers of all blocks at representative samples.
     type :: sample_set
         integer :: n = 0
-        type(block_numbers) :: of(n_block)
+        type(block_numbers) :: of(n_block) = block_numbers()
     end type sample_set
 
     !> Which numbers of a block are inputs, and where they begin.

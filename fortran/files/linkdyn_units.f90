@@ -96,6 +96,11 @@ module linkdyn_units
     type(quantity_type), parameter :: resistance = &
         quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
 
+    !> Whose dimension goes by their name in messages; of several with the same one, by the last one's.
+    type(quantity_type), parameter :: named(*) = [plain_number, length, angle, mass, inertia, time_span, &
+        force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance, inductance, &
+        fluid_pressure, volume, volume_flow]
+
     !> A unit name, and the SI prefixes that may stand before it: those that somebody uses. Others are slips of the pen or
     !> other words: "Mm" of mm, "Grad", which is German for degree.
     type :: unit_entry
@@ -312,16 +317,15 @@ contains
     pure function unknown_unit(name) result(problem)
         character(len=*), intent(in) :: name
         character(len=:), allocatable :: problem
-        character(len=*), parameter :: of_thousands(*) = pack(units%name, index(units%prefixes, "k") > 0), &
-            of_thousandths(*) = pack(units%name, index(units%prefixes, "m") > 0), &
-            of_millions(*) = pack(units%name, index(units%prefixes, "M") > 0)
 
         problem = quoted(name)//" is not a unit that linkdyn knows"
         if (two_units(name) /= "") then
             problem = problem//"; two units stand apart: "//quoted(two_units(name))
         else
-            problem = problem//suggestion(name, [character(len=7) :: units%name, "k"//of_thousands, "m"//of_thousandths, &
-                                                &"M"//of_millions])
+            problem = problem//suggestion(name, [character(len=7) :: units%name, &
+                      "k"//pack(units%name, index(units%prefixes, "k") > 0), &
+                      "m"//pack(units%name, index(units%prefixes, "m") > 0), &
+                      "M"//pack(units%name, index(units%prefixes, "M") > 0)])
         end if
     end function unknown_unit
 
@@ -358,15 +362,12 @@ contains
     pure function dimension_text(power) result(text)
         integer, intent(in) :: power(n_dimension)
         character(len=:), allocatable :: text
-        type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
-            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance, inductance, &
-            fluid_pressure, volume, volume_flow]
         character(len=8) :: exponent
         integer :: i
 
         text = ""
-        do i = 1, size(known)
-            if (all(power == known(i)%power)) text = trim(known(i)%name)
+        do i = 1, size(named)
+            if (all(power == named(i)%power)) text = trim(named(i)%name)
         end do
         if (all(power == [1, 2, -2, 0, 0])) text = "a moment or an energy"
         if (all(power == [0, 2, 0, 0, 0])) text = "an area"

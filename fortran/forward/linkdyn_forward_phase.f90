@@ -22,7 +22,7 @@ module linkdyn_forward_phase
     public :: forward_options, phase_box, plan_phase, enter_phase, release_phase, rates_by_record
 
     type :: forward_options
-        type(integrator_options) :: integrator
+        type(integrator_options) :: integrator = integrator_options()
         real(wp) :: t_start = 0                        !! [s]
         integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
         integer :: solver = solver_elimination         !! of the forces at output instants

@@ -144,11 +144,12 @@ contains
         integer, intent(in) :: i
         type(output_samples), intent(inout) :: samples
         type(forward_results), intent(inout) :: results
+        type(standing_lanes) :: unknown
 
         call take_samples(run, i - 1, samples, results)
         call find_forces(run, i - 1, samples, results)
         samples%waiting = run%output
-        samples%standing = standing_lanes()
+        samples%standing = unknown
         samples%first = i
         samples%phase = run%phase
         associate (n_left => size(samples%t) - i + 1, phase => samples%phase)

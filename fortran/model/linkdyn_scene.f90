@@ -179,7 +179,7 @@ module linkdyn_scene
         integer :: side = 1                       !! of the curve on which it is: +1 outside, -1 inside
         logical :: is_groove = .false.            !! held from both sides
         logical :: is_path = .false.              !! the curve is that of the roller's centre
-        type(curve_type) :: curve                 !! in the axes of the first marker: its point, its x
+        type(curve_type) :: curve = curve_type()  !! in the axes of the first marker: its point, its x
         logical :: is_barrel = .false.            !! its radii are heights along the marker's axis over the angle about it
         real(wp) :: ground = 0                    !! of that: height where the radius is zero [m]
     end type cam_spec
@@ -207,7 +207,7 @@ module linkdyn_scene
         real(wp) :: misfit(6) = 0                 !! how far and how much turned it holds its second marker off, free of load; axes
                                                   !! of the first link [m, rad]
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
-        type(cam_spec) :: cam                     !! of a cam
+        type(cam_spec) :: cam = cam_spec()        !! of a cam
         integer :: line = 0
     end type joint_spec
 
@@ -251,9 +251,9 @@ module linkdyn_scene
         integer :: over = 0                       !! argument of the table: a measure; below zero another law; 0: a formula
         character(len=name_len) :: over_name = "" !! what messages call it
         character(len=16) :: over_unit = ""       !! its SI unit
-        type(law_spec) :: table                   !! knots over that
+        type(law_spec) :: table = law_spec()      !! knots over that
         real(wp) :: period = 0                    !! after which the table begins anew; 0: never
-        type(formula_type) :: formula
+        type(formula_type) :: formula = formula_type()
         logical :: wraps = .false.                !! it comes from an angle that counts no turns
     end type state_law
 
@@ -288,7 +288,7 @@ module linkdyn_scene
         integer :: kind = effort_inverse
         integer :: side = side_joint              !! one of `side_*`
         real(wp) :: value(8) = 0                  !! its numbers, at the places `at_*`
-        type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
+        type(law_spec) :: target = law_spec()     !! wanted position (motors, pd), or the force itself (table, over)
     end type effort_law
 
     !> When something is on.
@@ -373,7 +373,7 @@ module linkdyn_scene
         character(len=4) :: output_unit = ""      !! "N", "N m" or "V"
         integer :: measure = 0                    !! of the scene's law book, that it keeps at its target
         integer :: rate_measure = 0               !! how fast that changes; 0: nobody knows, it is a rate itself
-        type(law_spec) :: target
+        type(law_spec) :: target = law_spec()
         logical :: follows_motion = .false.       !! its target is what it measures, in the scene's motion
         real(wp) :: kp = 0, ki = 0, kd = 0        !! gains of error, its integral, its rate
         logical :: damps_measured = .false.       !! kd acts on the rate of what is measured, not of the error
@@ -382,7 +382,7 @@ module linkdyn_scene
         integer :: windup = windup_none           !! one of `windup_*`
         real(wp) :: tracking_time = 0             !! in which the integral is led back [s]
         integer :: feed = feed_none               !! one of `feed_*`
-        type(law_spec) :: feed_law
+        type(law_spec) :: feed_law = law_spec()
         real(wp) :: period = 0                    !! between samples [s]; 0: it is continuous
         real(wp) :: delay = 0                     !! from a sample to the output that comes of it [s]
         real(wp) :: resolution = 0                !! of what is measured; 0: as fine as can be
@@ -406,7 +406,7 @@ module linkdyn_scene
         character(len=name_len) :: name = ""      !! "gripper.tip"
         integer :: link = 0
         integer :: marker = 0
-        type(law_spec) :: mass                    !! [kg]
+        type(law_spec) :: mass = law_spec()       !! [kg]
         real(wp) :: inertia(6) = 0                !! of a constant mass, about the marker, link axes [kg m2]
         real(wp) :: from = -huge(1.0_wp)          !! it is there from this instant on [s]
         real(wp) :: until = huge(1.0_wp)          !! and no more from this one [s]
@@ -426,7 +426,7 @@ module linkdyn_scene
         real(wp) :: stiffness = 0                 !! [N/m], [N m/rad] at an angle
         real(wp) :: damping = 0                   !! [N s/m], [N m s/rad]
         real(wp) :: rest = 0                      !! length or joint variable without force [m, rad]
-        type(law_spec) :: force                   !! beside stiffness and damping [N, N m]; law_none: nothing
+        type(law_spec) :: force = law_spec()      !! beside stiffness and damping [N, N m]; law_none: nothing
         integer :: line = 0
     end type spring_spec
 
@@ -442,7 +442,7 @@ module linkdyn_scene
         character(len=2*name_len) :: name = ""
         integer :: direction = 0                  !! +1: upwards, -1: downwards, 0: either way
         logical :: ends_run = .false.
-        type(formula_type) :: formula             !! of measures and laws of the scene's book
+        type(formula_type) :: formula = formula_type()    !! of measures and laws of the scene's book
         integer :: stop = 0                       !! end stop that this is the gap of; 0: none
         integer :: clutch = 0                     !! clutch that this is the slip of; 0: none
         integer :: line = 0
@@ -472,7 +472,7 @@ module linkdyn_scene
         integer :: variable(2) = 1                !! of these joints
         real(wp) :: ratio = 1
         logical :: is_positive = .true.           !! it has no capacity: it holds whatever comes, and never slips
-        type(law_spec) :: capacity                !! of one that slips, at the first variable; below zero: none [N, N m]
+        type(law_spec) :: capacity = law_spec()   !! of one that slips, at the first variable; below zero: none [N, N m]
         real(wp) :: static = 1                    !! what it holds over that
         character(len=4) :: unit = ""             !! "N" or "N m"
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"

@@ -89,7 +89,8 @@ module linkdyn_sweep_spec
         quantity_kind(quantity_torque_margin, "torque_margin", .true.), &
         quantity_kind(quantity_contact_force, "contact_force", .true.), &
         quantity_kind(quantity_pressure_angle, "pressure_angle", .true.)]
-    character(len=20), parameter :: quantity_name(n_quantity) = kinds%name
+    integer :: i
+    character(len=20), parameter :: quantity_name(n_quantity) = [(kinds(i)%name, i=1, n_quantity)]
     logical, parameter :: needs_forces(n_quantity) = kinds%needs_forces
 
     !> A number of the scene, or a list of them.

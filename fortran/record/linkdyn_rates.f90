@@ -17,7 +17,7 @@ module linkdyn_rates
 
     !> Rates of nodes, found so far. One map serves one way of moving.
     type :: rate_map
-        type(node_values), private :: known             !! nodes before its first stand still
+        type(node_values), private :: known = node_values()    !! nodes before its first stand still
     end type rate_map
 
     interface set_rate

@@ -11,7 +11,7 @@ module linkdyn_substitution
 
     !> What stands for what, and what followed from it so far.
     type :: substitution
-        type(node_values), private :: image    !! nodes before its first do not depend on any that are replaced
+        type(node_values), private :: image = node_values()    !! nodes before its first do not depend on any that are replaced
     end type substitution
 
     interface replace

@@ -37,7 +37,7 @@ contains
         type(scene_type) :: scene
         type(status_type) :: status
         type(model_type) :: model
-        type(assembly_trail) :: trail, last, straight
+        type(assembly_trail) :: trail, last, straight, fresh
         type(sample_assembly) :: assembly, alone
         real(wp), allocatable :: q(:, :)
         integer :: i, sample, n_lost, n_stretch
@@ -50,14 +50,14 @@ contains
             if (allocated(error%message)) return
             q = spread(model%start_q, 2, n)
             q(1, :) = q(1, :) + reach(i)*sin([(3*pi*sample/n, sample=1, n)])
-            trail = assembly_trail()
+            trail = fresh
             call follow_assembly(model, q, trail, assembly)
             n_lost = count(assembly%status /= sample_ok)
             n_stretch = count(assembly%status(2:) /= sample_ok .and. assembly%status(:n - 1) == sample_ok)
             call check(error, n_lost > n/4, trim(name(i))//": is driven out of reach")
             call check(error, trail%n_way <= 3*lanes*(n_stretch + 1), trim(name(i))//": "//to_text(trail%n_way) &
                        //" ways for "//to_text(n_lost)//" samples out of reach")
-            last = assembly_trail()
+            last = fresh
             do sample = 1, n
                 if (assembly%status(sample) /= sample_ok .and. modulo(sample, apart) > 0) cycle
                 straight = last

@@ -667,7 +667,7 @@ contains
         type(model_type) :: model
         type(representative_poses) :: poses
         type(closing_programs) :: closing
-        type(assembly_trail) :: trail
+        type(assembly_trail) :: trail, fresh
         type(sample_assembly) :: found
         type(random_stream) :: stream
         real(wp), allocatable :: q(:, :)
@@ -681,7 +681,7 @@ contains
             call close_at_representatives(model, poses, closing)
             call check(error, closing%is_usable .and. short_part(model) > 0, trim(name(i))//": steps may be short")
             if (.not. closing%is_usable) return
-            trail = assembly_trail()
+            trail = fresh
             q = to_and_fro(model%start_q, n)
             call follow_assembly(model, q, trail, found)
             do s = 1, n

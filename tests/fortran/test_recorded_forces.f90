@@ -113,9 +113,9 @@ contains
         type(recorded_forces), target :: recorded
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
-        type(assembly_trail) :: trail(2)
+        type(assembly_trail) :: trail(2), new_trail
         type(sample_assembly) :: assembly(2)
-        type(representative_poses) :: poses
+        type(representative_poses) :: poses, no_poses
         real(wp), allocatable :: q(:, :)
         integer, parameter :: n = 300, first = 200     ! not whole numbers of strides
         character(len=len(example)) :: name
@@ -134,7 +134,7 @@ contains
             end if
             if (allocated(error%message)) return
             if (model%n_branch == 0) cycle
-            poses = representative_poses()
+            poses = no_poses
             call need_poses(model, spread(model%start_q, 2, 1), poses)
             call record_forces(model, of_margins, poses%q, poses%stand, recorded, poses%assembly%place)
             by_record%record => recorded
@@ -144,7 +144,7 @@ contains
             call check(error, judges_like_lanes(model, margins, poses%q), trim(name)//": margins as in lanes")
             do scale = 0, 2, 2
                 q = random_walk(model%start_q, n, 0.003_wp*6.0_wp**scale)
-                trail = assembly_trail()
+                trail = new_trail
                 call follow_assembly(model, q, trail(1), assembly(1))
                 call follow_assembly(model, q(:, :first), trail(2), assembly(2), margins)
                 call check(error, all(assembly(2)%branch == assembly(1)%branch(:, :first)), trim(name)//": branches")

@@ -139,7 +139,7 @@ contains
         integer, parameter :: n_state = 300
         character(len=*), parameter :: scene(2) = [character(len=40) :: scenes(3), "examples/watt_i/scene"]
         type(model_type), target :: model
-        type(forward_system) :: system
+        type(forward_system) :: system, new_system
         type(status_type) :: status
         type(whole_steps) :: steps
         type(rk4_workspace) :: work
@@ -153,7 +153,7 @@ contains
             call load_model(error, scene(i), model)
             if (allocated(error%message)) return
             model%scene%actuator%law%kind = effort_constant
-            system = forward_system()
+            system = new_system
             call build_forward_system(model, 0, system, status)
             call check(error, status%is_ok(), trim(scene(i))//": "//trim(status%message))
             if (.not. status%is_ok()) return
