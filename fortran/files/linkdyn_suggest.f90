@@ -59,7 +59,8 @@ contains
         if (best > 0) text = "; did you mean "//quoted(words(best))//"?"
     end function suggestion
 
-    !> " or 'mPa'": words before the one that was found which differ from it, and from what was written, in the size of letters alone.
+    !> " or 'mPa'": words before the one that was found that differ from it, and from what was written, in the size of letters
+    !> alone.
     pure function or_alike(word, words, one) result(text)
         character(len=*), intent(in) :: word
         character(len=*), intent(in) :: words(:)

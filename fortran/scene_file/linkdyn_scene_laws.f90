@@ -259,8 +259,8 @@ contains
         text = place_text(place, place%line)//": "//trim(place%what)
     end function reader_of
 
-    !> Before a message that begins with a table: which part of the scene asked for it. Reading ends at the first failure, so that is
-    !> who took the table last.
+    !> Before a message that begins with a table: which part of the scene asked for it. Reading ends at the first failure, so that
+    !> is who took the table last.
     subroutine name_reader(shelf, status)
         type(table_shelf), intent(in) :: shelf
         type(status_type), intent(inout) :: status
