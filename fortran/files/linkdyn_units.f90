@@ -12,7 +12,8 @@ module linkdyn_units
     implicit none (type, external)
     private
     public :: quantity_type, per_second, over, is_unit, unit_factor, counts_turns, names_minutes, is_same_dimension
-    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit, two_units
+    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit, unknown_unit
+    public :: usual_unit, two_units
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
     public :: pressure, area, second_moment, fluid_pressure, volume, volume_flow, flow_per_pressure, valve_opening
@@ -380,6 +381,20 @@ contains
             if (power(i) /= 1) text = text//"^"//trim(exponent)
         end do
     end function dimension_text
+
+    !> The SI unit by which people call numbers of a dimension: "N", "kg m2"; blank: there is none here.
+    pure function usual_unit(power) result(unit)
+        integer, intent(in) :: power(n_dimension)
+        character(len=8) :: unit
+        type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, force, moment, &
+            speed, angular_rate, acceleration, stiffness, angular_stiffness, damping, wattage, fluid_pressure, area, volume]
+        integer :: i
+
+        unit = ""
+        do i = 1, size(known)
+            if (all(power == known(i)%power)) unit = known(i)%unit
+        end do
+    end function usual_unit
 
     !> The SI unit of a dimension, as a text has it behind its number: "kg m^2 s^-2"; empty for a plain number.
     pure function si_unit_text(power) result(text)

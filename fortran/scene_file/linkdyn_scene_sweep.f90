@@ -25,7 +25,7 @@ module linkdyn_scene_sweep
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
-        time_span, wattage, per_second, dimension_text, si_unit_text
+        time_span, wattage, per_second, dimension_text, usual_unit, si_unit_text
     use linkdyn_expression, only: measured_value
     use linkdyn_variables, only: measured_of_text
     use linkdyn_scene_variables, only: forbid_varied_variables
@@ -343,7 +343,9 @@ contains
         axis%name = trim(axis%parameter(1)%path)
         if (size(axis%parameter) > 1) axis%name = trim(axis%name)//", ..."
         if (axis%operation /= set_value) axis%name = trim(operation_name(axis%operation))//" of "//axis%name
-        axis%unit = merge("1 ", "SI", axis%operation == 2)
+        axis%unit = merge("1 ", "SI", axis%operation == multiply_by)
+        if (axis%operation /= multiply_by .and. number%has_unit .and. usual_unit(quantity%power) /= "") &
+            axis%unit = usual_unit(quantity%power)
     end subroutine read_parameter
 
     !> A sweep is of inverse dynamics, which does not ask what drives and controllers do of themselves.
