@@ -43,6 +43,9 @@ TALLEST, BESIDE, UNDER = 3.2, 0.12, 0.28
 """A picture among others, what is between two of them, and what its caption takes [inch]."""
 BELOW = 0.4
 """Kept for the notes [inch]."""
+DPI = 170
+SCALE = 0.85
+"""Of what is wide, at most: narrow panels are not blown up to the width of the page, their letters would be larger than all others."""
 
 
 def pdf(page: Page) -> bytes:
@@ -204,7 +207,7 @@ class _Row:
     def most(self) -> float:
         """Height over the whole width; of pictures that are not wide, one that is large enough."""
         over_all = (WIDTH - 2 * MARGIN - BESIDE * (len(self.images) - 1)) / sum(self.ratios)
-        return min(over_all, HEIGHT - 2 * MARGIN - BELOW - UNDER if self.pictures[0].wide else TALLEST)
+        return min(over_all, SCALE * self.images[0].shape[0] / DPI, HEIGHT - 2 * MARGIN - BELOW - UNDER) if self.pictures[0].wide else min(over_all, TALLEST)
 
     @property
     def least(self) -> float:
@@ -267,6 +270,6 @@ def _pixels(picture: Picture, lower: float = 1.0) -> np.ndarray:
         picture.figure.set_size_inches(width, lower * height)
         for axis in picture.figure.axes:
             spread_names(axis)
-    picture.figure.savefig(stream, format="png", dpi=170, bbox_inches="tight")
+    picture.figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
     stream.seek(0)
     return pyplot.imread(stream)
