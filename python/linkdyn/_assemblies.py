@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["Assemblies", "Assembly", "assemblies_of", "draw_assemblies"]
 
 PANEL = 3.2
-"""Width and height of one picture [inch]."""
+"""Width and height of one picture, the larger of both [inch]."""
+TITLE, LEAST_WIDTH = 0.35, 3.6
+"""Height of a line over it, and width of a sheet [inch]."""
 MOST_COLUMNS = 4
 PLANE = 2
 """Dimensions of a position."""
@@ -147,7 +149,7 @@ def draw_assemblies(scene: Scene) -> Figure:
     """Every assembly small, with its number; the scene's own in bold."""
     from matplotlib import pyplot
 
-    from ._drawing.mechanisms import draw, set_limits
+    from ._drawing.mechanisms import draw, drawn_room, set_limits
     from ._drawing.style import put_heading
     from ._geometry.postures import find_postures
     from .scene import Poses
@@ -157,7 +159,9 @@ def draw_assemblies(scene: Scene) -> Figure:
     postures, _ = find_postures(scene, poses)
     columns = min(MOST_COLUMNS, len(found))
     rows = math.ceil(len(found) / columns)
-    figure = pyplot.figure(figsize=(PANEL * columns, PANEL * rows + 0.4), layout="constrained")
+    width, height = np.array([1.0, 1.0]) if not scene.planar else drawn_room(postures) / drawn_room(postures).max()
+    size = max(LEAST_WIDTH, PANEL * width * columns), (PANEL * height + TITLE) * rows + TITLE
+    figure = pyplot.figure(figsize=size, layout="constrained")
     for k, one in enumerate(found):
         ax = figure.add_subplot(rows, columns, k + 1, projection=None if scene.planar else "3d")
         set_limits(ax, postures)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .style import COLOURS, LINES, readable
 
-__all__ = ["MOST_LINES", "abscissa", "colour", "draw_lines", "line", "scale_axis", "spread_names"]
+__all__ = ["MOST_LINES", "abscissa", "colour", "draw_lines", "line", "scale_axis", "spread_names", "tick_text"]
 
 MOST_LINES = 8
 """More lines than these cannot be told apart in a panel."""
@@ -59,15 +59,16 @@ def scale_axis(axis: Axes, side: str, name: str, unit: str, largest: float, tick
     factor, word = readable(unit, largest) if unit not in ("", "s") else (1.0, unit)
     one = getattr(axis, f"{side}axis")
     one.set_major_locator(_Locator(factor, ticks, integer=name == "sample"))
-    one.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value * factor, np.abs(one.get_view_interval()).max() * factor)))
+    one.set_major_formatter(FuncFormatter(lambda value, _: tick_text(value * factor, np.abs(one.get_view_interval()).max() * factor)))
     one.set_label_text(f"{name} [{word}]" if word else name, parse_math=False)
     return factor, word
 
 
-def _tick_text(value: float, largest: float) -> str:
+def tick_text(value: float, largest: float) -> str:
     """The number of a tick; what is rounding beside the largest on its axis is zero."""
     places = 9 - int(np.floor(np.log10(largest))) if largest > 0 else 9
-    return f"{round(value, places):g}".replace("-", "−")
+    digits = 6 if abs(value) < 1e5 else 9      # no exponents, which would hide what tells ticks apart
+    return f"{round(value, places):.{digits}g}".replace("-", "−")
 
 
 class _Locator(MaxNLocator):

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from .._arguments import as_floats
@@ -16,13 +17,13 @@ from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_posture
 from ..errors import InputError
 from ..scene import Scene
 from .arguments import checked
-from .lines import scale_axis
+from .lines import scale_axis, tick_text
 from .planar_shapes import draw_planar
 from .spatial_axes import SpatialAxes, add_spatial_axes, set_apart
 from .spatial_shapes import draw_spatial
 from .style import fitting
 
-__all__ = ["draw", "draw_alone", "mechanism", "new_axes", "set_limits"]
+__all__ = ["draw", "draw_alone", "drawn_room", "mechanism", "new_axes", "set_limits"]
 
 Points = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ LARGEST = (7.5, 7.0)
 LOWEST = 2.4
 LEAST = 0.5, 0.3
 """Width and height of a planar drawing, at least, as parts of the larger of both."""
+FAR = 50.0
+"""Sizes from zero, from where on the numbers of an axis are those from a round place nearby."""
 LARGE = 2.0
 """From so many metres on a drawing is numbered in metres, else in millimetres."""
 
@@ -126,6 +129,20 @@ def _limits(postures: Postures) -> tuple[Points, Points]:
     return lowest - room, highest + room
 
 
+def _offset(low: float, high: float, size: float) -> float:
+    """What is taken off the numbers of an axis far from zero, as round as they are small [m]."""
+    middle = 0.5 * (low + high)
+    step = 10.0 ** np.ceil(np.log10(size))
+    return float(step * np.round(middle / step)) if abs(middle) > FAR * size else 0.0
+
+
+def drawn_room(postures: Postures) -> Points:
+    """(2,) width and height of what a planar drawing shows [m]."""
+    lowest, highest = _limits(postures)
+    room: Points = (highest - lowest)[:2]
+    return room
+
+
 def picture_size(postures: Postures, largest: tuple[float, float]) -> tuple[float, float]:
     """Size of a planar picture [inch] in which nothing is lost to empty margins: a flat mechanism has a flat picture."""
     lowest, highest = _limits(postures)
@@ -145,11 +162,15 @@ def set_limits(ax: Any, postures: Postures) -> None:
         getattr(ax, f"set_{name}lim")(low, high)
         # numbers of a short axis lie closer, and over each other, in space above all
         ticks = min(6, max(2, round(10 * part))) if postures.scene.planar else max(2, round(6 * part))
-        scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=ticks)
+        away = _offset(low, high, size)
+        factor, unit = scale_axis(ax, name, name, "m" if size < LARGE else "", size, ticks=ticks)
         if 6 * part < 1:
             getattr(ax, f"set_{name}ticks")([0.5 * (low + high)])
         if size >= LARGE:
             getattr(ax, f"set_{name}label")(f"{name} [m]")
+        if away:
+            getattr(ax, f"{name}axis").set_major_formatter(FuncFormatter(lambda value, _, away=away: tick_text((value - away) * factor, size * factor)))
+            getattr(ax, f"set_{name}label")(f"{name} {'−' if away > 0 else '+'} {abs(away):.9g} m [{unit or 'm'}]")
     if postures.scene.planar:
         ax.set_aspect("equal")
     else:
