@@ -96,7 +96,7 @@ class Live(anywidget.AnyWidget):
     def _described(self) -> tuple[dict[str, Any], bytes]:
         """This position, in a frame and to scales that hold for the whole motion."""
         run = self.run.assign_coords(time=("sample", self._scene.times()[:1]))
-        description, block = describe(run, self._scene, kinds=force_kinds("Live", None, self._scene.planar))
+        description, block = describe(run, self._scene, kinds=force_kinds("Live", None, self._scene.planar), origin=self._whole["origin"])
         arrows = [here | {"largest": all_["largest"] or here["largest"]} for here, all_ in zip(description["arrows"], self._whole["arrows"])]
         return description | {key: self._whole[key] for key in STEADY} | {"arrows": arrows, "traces": []}, block
 

@@ -416,7 +416,7 @@ def test_long_runs_are_thinned_out(tsai_file):
         ({"meshes": {"crank": "short.stl"}}, "'short.stl': has no triangles"),
         ({"mesh_unit": 0}, "mesh_unit"),
         ({"file": "run.pdf"}, "ends in .html"),
-        ({"file": "nowhere/run.html"}, "No such file"),
+        ({"file": "nowhere/run.html"}, "nowhere/run.html: cannot be written: there is no folder 'nowhere'"),
     ],
 )
 def test_refused(fourbar, options, words, tmp_path, monkeypatch):

@@ -81,6 +81,19 @@ export class Mechanism {
       }));
   }
 
+  /** Pitch lines of racks, or ropes: from where they touch their wheels to the markers of their links. */
+  get racks() {
+    return this.gears
+      .filter(({ type }) => type === "rack")
+      .map(({ carrier, pitch, links, rack_end }) => ({
+        isLine: true,
+        ends: [
+          { link: carrier, at: vector(pitch) },
+          { link: links[1], at: vector(rack_end) },
+        ],
+      }));
+  }
+
   /** Straight runs of the belts whose wheels a link carries: pairs of points. */
   belts(link) {
     return this.gears

@@ -88,7 +88,7 @@ function drawWheels(group, mechanism, k, palette, unit, layer) {
     }
     group.add(flat(ring, colours.solid, z + 0.2 * layer, ROUND));
   }
-  for (const [from, to] of mechanism.belts(k)) group.add(flat(bar(from, to, 0.22 * unit, 0), palette.edge, front));
+  for (const [from, to] of mechanism.belts(k)) group.add(flat(bar(from, to, 0.22 * unit, 0), palette.spring, front));
 }
 
 /** Outlines of cams; rollers and faces that ride on them. */

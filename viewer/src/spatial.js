@@ -177,12 +177,14 @@ function drawWheels(group, mechanism, k, palette, unit) {
     }
   }
   for (const { at, axis, radius, thread } of mechanism.worms(k)) {
-    const [from, to] = [thread[0], thread.at(-1)].map((end) => at.clone().addScaledVector(axis, end.clone().sub(at).dot(axis)));
-    group.add(rod(from, to, 0.8 * radius, material));
+    const ends = [thread[0], thread.at(-1)].map((end) => end.clone().sub(at).dot(axis));
+    const [from, to] = ends.map((end) => at.clone().addScaledVector(axis, end));
+    const [low, high] = [Math.min(0, ...ends), Math.max(0, ...ends)].map((end) => at.clone().addScaledVector(axis, end));
+    group.add(rod(from, to, 0.8 * radius, material), rod(low, high, Math.min(unit, 0.5 * radius), material)); // core and shaft
     const line = new THREE.CatmullRomCurve3(thread);
     group.add(new THREE.Mesh(new THREE.TubeGeometry(line, 3 * thread.length, 0.25 * radius, 8), material));
   }
-  for (const [from, to] of mechanism.belts(k)) group.add(rod(from, to, 0.35 * unit, palette.rod));
+  for (const [from, to] of mechanism.belts(k)) group.add(rod(from, to, 0.35 * unit, palette.spring));
 }
 
 /** Two plates bolted together, square to the marker's axis. */

@@ -1,4 +1,4 @@
-// Springs and dampers: coils round barrels and rods, which follow both of their ends; spirals and shoes round hinges.
+// Springs and dampers, and the lines of racks and ropes: coils round barrels and rods, which follow both of their ends; spirals and shoes round hinges.
 
 import * as THREE from "three";
 import { across, rod, vector } from "./shapes.js";
@@ -8,6 +8,7 @@ const LEAD = 0.1; // straight part at either end, of the length
 const WIDEST = 0.2; // radius of a coil, of its length
 const BARREL = 0.55; // of the length of a damper, the rest is rod
 const SPIRAL = { inner: 1.4, outer: 2.9, turns: 2.25 }; // radii in units
+const LINE = 0.3; // radius of a rope or the line of a rack, in units
 const SHOE = 0.6; // half the angle of a brake's shoe, rad
 const SIZES = { planar: { unit: 0.0135, wire: 0.17, lift: 0.25 }, spatial: { unit: 0.011, wire: 0.28, lift: 0 } }; // of the extent; of the unit; of the extent
 
@@ -20,7 +21,7 @@ export class Springs {
     this.draw = { isPlanar, unit: size.unit * mechanism.extent, wire: size.wire * size.unit * mechanism.extent, palette };
     this.lift = size.lift * mechanism.extent;
     this.least = 1e-4 * mechanism.extent;
-    this.stretched = mechanism.springs.filter(actsAlong).map((spring) => this.stretchedOf(spring));
+    this.stretched = [...mechanism.springs.filter(actsAlong), ...mechanism.racks].map((spring) => this.stretchedOf(spring));
     for (const spring of mechanism.springs.filter(actsRound)) this.wind(spring, links);
   }
 
@@ -34,11 +35,13 @@ export class Springs {
   build(item, length) {
     const { unit, wire, palette, isPlanar } = this.draw;
     item.length = length;
-    if (item.spring.damping) {
+    if (item.spring.isLine) {
+      item.group.add(rod(vector([0, 0, 0]), vector([0, length, 0]), LINE * unit, palette.spring));
+    } else if (item.spring.damping) {
       const [start, middle, end] = [0, BARREL * length, length].map((y) => vector([0, y, 0]));
       item.group.add(rod(start, middle, 0.55 * unit, palette.barrel), rod(middle, end, 0.28 * unit, palette.edge));
     }
-    if (pulls(item.spring)) item.group.add(coil(length, Math.min(unit * 1.2, WIDEST * length), wire, isPlanar, palette.spring));
+    if (!item.spring.isLine && pulls(item.spring)) item.group.add(coil(length, Math.min(unit * 1.2, WIDEST * length), wire, isPlanar, palette.spring));
     item.group.traverse((mesh) => {
       mesh.castShadow = !isPlanar;
     });

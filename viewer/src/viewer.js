@@ -175,7 +175,7 @@ export class Viewer {
 
   /** Bodies as they were designed, in place of what stands for them. */
   putMeshes(palette) {
-    for (const { link, values, scale } of this.run.meshes) {
+    for (const { link, values, scale, offset } of this.run.meshes) {
       const { values: bytes } = this.run.arrays[values];
       const geometry = new STLLoader().parse(bytes.slice().buffer).scale(scale, scale, scale);
       geometry.computeVertexNormals(); // of the triangles: many programs write zeros for them, and nothing of that has a colour
@@ -184,6 +184,7 @@ export class Viewer {
         new THREE.MeshStandardMaterial({ color: palette.link(link).solid.color, roughness: 0.6, metalness: 0.15 }),
       );
       mesh.castShadow = mesh.receiveShadow = true;
+      if (offset) mesh.position.fromArray(offset);
       this.links[link].clear();
       this.links[link].add(mesh);
     }

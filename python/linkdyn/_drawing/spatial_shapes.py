@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .._geometry.cams import face, is_cam, roller, silhouettes
 from .._geometry.springs import acts_along, ends_of, shape_of
 from .._geometry.telescopes import SLIDING
-from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rim, thread, wheels, worms
+from .._geometry.wheels import belt_runs, frame_of, is_geared, pitch_point, rack_run, rim, shaft, thread, wheels, worms
 from .names import Room, list_of, sampled
 from .planar_shapes import WIRE, around, distinct, jointed, lighter, link_colour, name_style, tell_left_out
 from .spatial_axes import SpatialAxes, outline
@@ -123,18 +123,21 @@ def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str
 
 
 def _draw_wheels(ax: Axes3D, posture: Posture) -> None:
-    """Pitch circles with a spoke, threads of worms, belts."""
+    """Pitch circles with a spoke, worms, pitch lines of racks, belts."""
     for link, marker, radius in wheels(posture.scene.description):
         frame = frame_of(posture, link, marker)
         circle = rim(*frame, radius)
         ax.plot(*circle.T, color=link_colour(link), linewidth=1.6)
         ax.plot(*np.array([frame[0], circle[0]]).T, color=link_colour(link), linewidth=0.8)
     for worm in worms(posture.scene.description):
+        ax.plot(*np.array(shaft(posture, worm)).T, color=link_colour(worm["links"][0]), linewidth=2.6, solid_capstyle="round")
         ax.plot(*thread(posture, worm).T, color=link_colour(worm["links"][0]), linewidth=1.6)
     for joint in posture.scene.description["joints"]:
         if joint["type"] == "belt":
             for run in belt_runs(posture, joint):
                 ax.plot(*np.array(run).T, color="0.15", linewidth=1.4)
+        if joint["type"] == "rack":
+            ax.plot(*np.array(rack_run(posture, joint)).T, color=link_colour(joint["links"][1]), linewidth=1.4)
 
 
 def _draw_cams(ax: Axes3D, posture: Posture) -> None:

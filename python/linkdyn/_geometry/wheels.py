@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from .postures import Posture, Postures
 
-__all__ = ["belt_runs", "frame_of", "is_geared", "pitch_point", "rim", "rims", "runs_in_carrier", "thread", "thread_in_link", "worms", "wheels"]
+__all__ = ["belt_runs", "frame_of", "is_geared", "pitch_point", "rim", "rack_end_in_link", "rack_run", "rims", "runs_in_carrier", "shaft", "thread", "thread_in_link", "worms", "wheels"]
 
 Points = NDArray[np.float64]
 Wheel = tuple[int, str, float]
@@ -82,6 +82,32 @@ def thread_in_link(postures: Postures, worm: dict[str, Any], sample: int) -> lis
     own = next(marker["at"] for marker in postures.scene.description["links"][link]["markers"] if marker["name"] == name)
     line: list[list[float]] = (own + (thread(posture, worm) - posture.markers[link][name]) @ postures.turns[link][sample]).round(9).tolist()
     return line
+
+
+def shaft(posture: Posture | Postures, worm: dict[str, Any]) -> tuple[Points, Points]:
+    """(..., 3) ends of the shaft of a worm: along its axis, from its marker through all of its thread."""
+    centre, axis, _ = frame_of(posture, worm["links"][0], worm["markers"][0])
+    line = thread(posture, worm)
+    along = [np.einsum("...k,...k->...", line[..., end, :] - centre, axis) for end in (0, -1)]
+    low, high = np.minimum(0.0, np.minimum(*along)), np.maximum(0.0, np.maximum(*along))
+    return centre + low[..., np.newaxis] * axis, centre + high[..., np.newaxis] * axis
+
+
+def rack_run(posture: Posture | Postures, joint: dict[str, Any]) -> tuple[Points, Points]:
+    """(..., 3) from where a rack, or a rope, touches its wheel along its pitch line to the rack's marker."""
+    touches = pitch_point(posture, joint)
+    (_, link), (_, marker) = joint["links"], joint["markers"]
+    end = touches + _part(posture.markers[link][marker] - touches, posture.axes[link][marker])
+    return touches, end
+
+
+def rack_end_in_link(postures: Postures, joint: dict[str, Any], sample: int) -> list[float]:
+    """The end of a rack's pitch line in the axes of its link."""
+    link, name = joint["links"][1], joint["markers"][1]
+    own = next(marker["at"] for marker in postures.scene.description["links"][link]["markers"] if marker["name"] == name)
+    _, end = rack_run(postures.at(sample), joint)
+    place: list[float] = (own + (end - postures.at(sample).markers[link][name]) @ postures.turns[link][sample]).round(9).tolist()
+    return place
 
 
 def pitch_point(posture: Posture | Postures, joint: dict[str, Any]) -> Points:

@@ -7,7 +7,7 @@ results in single precision cut to 16 binary digits.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
 from .._geometry.springs import acts_along
 from .._geometry.telescopes import SLIDING, is_telescope
-from .._geometry.wheels import is_geared, runs_in_carrier, thread_in_link
+from .._geometry.wheels import is_geared, rack_end_in_link, runs_in_carrier, thread_in_link
 from .._units import units_of
 from ..errors import FileError, InputError
 from ..scene import Scene
@@ -37,6 +37,8 @@ TURN = 32767
 """A component of a direction is sent as an integer of 16 bit: 3e-5 rad, less than a pixel."""
 ROOM = 0.1
 """Round a planar mechanism, for arrows; of its extent."""
+FAR = 5.0
+"""Extents from the world's origin, from where on a picture has its own."""
 FEW = 12
 """Joints whose names do not hide the picture."""
 CLEAR = 8
@@ -88,6 +90,7 @@ def describe(
     plots: Iterable[str] | None = None,
     traces: Iterable[str] | None = None,
     meshes: Mapping[str, tuple[str, float]] | None = None,
+    origin: Sequence[float] | None = None,
 ) -> tuple[dict[str, Any], bytes]:
     """The description and the block of a run.
 
@@ -105,6 +108,8 @@ def describe(
         Markers ("coupler.tool"); default: those that move and hold no joint, of a small planar mechanism the joints too.
     meshes
         Link to STL or GLB file, in the link's axes, and the unit of its coordinates [m].
+    origin
+        (3,) where the picture has its own [m]; default: the world's, or a round place nearby where that is far.
     """
     need_order(run, "view")
     kept = np.unique(np.round(np.linspace(0, run.sizes["sample"] - 1, min(MOST_FRAMES, run.sizes["sample"]))).astype(int))
@@ -117,15 +122,17 @@ def describe(
     low, high = (edge(postures.points[held].reshape(-1, 3), axis=0) for edge in (np.min, np.max))
     extent = max(float((high - low).max()), 1e-6)
     up = _up(scene)
+    here = _origin(low, high, extent) if origin is None else np.asarray(origin, dtype=float)
+    low, high = low - here, high - here
     block = Block()
     timed = "time" in run.coords
     block.add("time", frames.time.values if timed else kept, "float64")
     block.add("status", np.where(assembled[kept], frames.status.values, np.maximum(frames.status.values, 1)), "uint8")
-    block.add("position", poses.position[held], "float32")
+    block.add("position", poses.position[held] - here, "float32")
     block.add("axes", TURN * poses.rotation[held][..., :2].swapaxes(-1, -2), "int16")
-    ground = float((postures.points[held] @ up).min()) - 0.032 * extent
+    ground = float(((postures.points[held] - here) @ up).min()) - 0.032 * extent
     some = held[:: max(1, len(held) // 20)]
-    block.add("cloud", postures.points[some].reshape(-1, 3), "float32")
+    block.add("cloud", (postures.points[some] - here).reshape(-1, 3), "float32")
     charts = _charts(frames, block)
     description = {
         "title": scene.title,
@@ -136,6 +143,7 @@ def describe(
         "up": up.tolist(),
         "ground": ground,
         "extent": extent,
+        "origin": here.tolist(),
         "box": [(low - ROOM * extent).tolist(), (high + ROOM * extent).tolist()],
         "eye": [best_azimuth(postures.points[held[0]] @ _level(up)), ELEVATION],
         "palette": COLOURS[:-1],
@@ -151,7 +159,52 @@ def describe(
         "shown": [*kinds, *(["traces"] if scene.planar or traces else []), *(["names"] if scene.planar and len(scene.joints) <= FEW else [])],
         "arrays": block.entries,
     }
-    return description, bytes(block)
+    return _seen_from(here, description), bytes(block)
+
+
+def _origin(low: Values, high: Values, extent: float) -> Values:
+    """Where a picture far from the origin has its own: short numbers have no digits left there. Lines of the grid stay where they are."""
+    middle = (low + high) / 2
+    if np.abs(middle).max() <= FAR * extent:
+        return np.zeros(3)
+    step = 10.0 ** np.ceil(np.log10(extent))
+    place: Values = step * np.round(middle / step)
+    return place
+
+
+def _seen_from(origin: Values, description: dict[str, Any]) -> dict[str, Any]:
+    """What is told in axes of the frame, seen from the picture's origin; other links have their places among the numbers."""
+    if not origin.any():
+        return description
+
+    def moved(point: Iterable[float]) -> list[float]:
+        own: list[float] = (np.asarray(list(point), dtype=float) - origin).tolist()
+        return own
+
+    def place(told: list[Any]) -> list[Any]:
+        return told if told[0] != 0 else [0, *moved(told[1:])]
+
+    def joint(told: dict[str, Any]) -> dict[str, Any]:
+        first, second = told["links"]
+        changes: dict[str, Any] = {}
+        if first == 0:
+            changes |= {key: [moved(point) for point in told[key]] for key in ("thread",) if key in told}
+            changes |= {key: [[moved(point) for point in line] for line in told[key]] for key in ("outlines",) if key in told}
+        if told.get("carrier") == 0:
+            changes |= {"pitch": moved(told["pitch"])}
+            changes |= {key: [[moved(point) for point in run] for run in told[key]] for key in ("runs",) if key in told}
+        if second == 0 and "rack_end" in told:
+            changes |= {"rack_end": moved(told["rack_end"])}
+        return told | changes
+
+    frame, *links = description["links"]
+    return description | {
+        "links": [frame | {"markers": [marker | {"at": moved(marker["at"])} for marker in frame["markers"]]}, *links],
+        "joints": [joint(told) for told in description["joints"]],
+        "arrows": [arrow | {"at": [place(at) for at in arrow["at"]]} for arrow in description["arrows"]],
+        "meshes": [mesh | {"offset": (-origin).tolist()} if mesh["link"] == 0 else mesh for mesh in description["meshes"]],
+        "names": [[text, is_link, *(place(at) for at in places)] for text, is_link, *places in description["names"]],
+    }
 
 
 def _last_good(good: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -187,6 +240,8 @@ def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) ->
         return seen | {"outlines": [line[:-1].round(9).tolist() for line in lines], "roller_axis": axis.round(9).tolist(), "face_radius": face_radius(lines)}
     if joint["type"] == "belt":
         return joint | {"runs": runs_in_carrier(postures, joint, int(held[0]))}
+    if joint["type"] == "rack":
+        return joint | {"rack_end": rack_end_in_link(postures, joint, int(held[0]))}
     if joint.get("lead_angle"):
         return joint | {"thread": thread_in_link(postures, joint, int(held[0]))}
     if joint["type"] == "planar":
