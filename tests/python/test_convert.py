@@ -36,7 +36,7 @@ def machine(name):
     if (ROOT / "tests" / "scenes" / f"{name}.toml").exists() and name not in linkdyn._commands.new.kinds():
         path = ROOT / "tests" / "scenes" / f"{name}.toml"
     b = Builder.of(path if path.exists() else linkdyn.new(name))
-    for key in ("load", "spring", "friction", "event", "stop", "measures", "laws", "sweep"):
+    for key in ("load", "payload", "spring", "friction", "event", "stop", "measures", "laws", "sweep"):
         b._content.pop(key, None)
     for table in b._content["coordinate"]:
         if "motion" not in table and "joint" in table:      # of scenes that stand still, or are forward runs
@@ -1148,6 +1148,14 @@ def test_repeated_parts_are_written_and_counted_each():
     told = set(conversion.left_out)
     assert {"6 spring(s)", "friction of 3 joint(s)", "3 load(s)", "2 stop(s)", "efficiency, brake or limits of 3 actuator(s)"} <= told
     assert any(line.startswith("law(s) of 3 actuator(s)") for line in told)
+
+
+def test_payloads_are_parts_of_their_links():
+    """Their masses were written as numpy's words, which no reader takes for numbers."""
+    scene = linkdyn.new("arm")
+    lower = scene.with_({"payload": [{"on": "hand.tool", "mass": 2.5, "inertia": 0.01}, {"on": "hand.tool", "mass": {"law": "polynomial-345", "from": 1, "to": 0, "duration": 1}}]})
+    hands = [ElementTree.fromstring(linkdyn.convert(one).text).find(".//body[@name='hand']/inertial") for one in (scene, lower)]
+    assert float(hands[1].get("mass")) == pytest.approx(float(hands[0].get("mass")) + 3.5)
 
 
 # ------------------------------------------------------------------------------------------------------------ the command

@@ -268,7 +268,7 @@ class _Writer:
             tensor[0, 0] = tensor[1, 1] = 0.5 * tensor[2, 2]     # of no effect in a plane
         for payload, more in zip(self.scene.description["payloads"], self._payload_masses()):
             if payload["link"] == i:
-                mass, cog, tensor = _joined((mass, cog, tensor), (more, np.array(payload["at"]), _matrix(payload["inertia"])))
+                mass, cog, tensor = _joined((mass, cog, tensor), (float(more), np.array(payload["at"]), _matrix(payload["inertia"])))
         if mass <= 0:
             self.left_out.append(f"link '{link['name']}': it has no mass; {LIGHT:g} kg are written, since MuJoCo moves nothing without")
             mass, tensor = LIGHT, LIGHT * np.eye(3)
