@@ -16,7 +16,7 @@ import linkdyn
 
 ROOT = Path(__file__).parents[2]
 UNREACHED = ("belt_drive", "cart_pole", "double_wishbone", "flyball_governor", "hill_start", "loader_crane", "n_fourbar",
-             "spatial_slider_crank", "stopped_rocker", "ball_joint", "bricard", "capture")  # fewer drives than freedoms: nothing of them is swept
+             "spatial_slider_crank", "stopped_rocker", "swing_arm", "ball_joint", "bricard", "capture")  # fewer drives than freedoms: nothing of them is swept
 SCENES = [path for folder, pattern in (("examples", "*/scene.toml"), ("tests/scenes", "*.toml"))
           for path in sorted((ROOT / folder).glob(pattern)) if not {path.stem, path.parent.name} & set(UNREACHED)]
 # friction, gears, belts, motors, laws, a frame that moves, cams, idle spins, screws, loops closed by iteration
