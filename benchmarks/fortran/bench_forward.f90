@@ -74,14 +74,14 @@ contains
     subroutine time_right_hand_sides(status)
         type(status_type), intent(inout) :: status
         integer, parameter :: solver(3) = [solver_reduced, solver_elimination, 0]     !! 0: the record
-        type(forward_system) :: system
+        type(forward_system) :: system, new_system
         real(wp) :: q(model%n_q), qd(model%n_q), single, block, whole
         real(wp), allocatable :: y(:, :)
         integer :: i
 
         write (output_unit, "(a)") "solver,us_single,us_per_member,us_of_ensemble"
         do i = 1, size(solver)
-            system = forward_system()
+            system = new_system
             call build_forward_system(model, solver(i), system, status)
             if (.not. status%is_ok()) return
             system%wants_work = .false.
@@ -212,7 +212,7 @@ contains
         integer, parameter :: n_most = 15
         real(wp), parameter :: enough = 0.03_wp            !! [s] in all
         type(forward_results) :: results
-        type(forward_run) :: run
+        type(forward_run) :: run, new_run
         real(wp), target :: q(model%n_q, 1), qd(model%n_q, 1)
         real(wp) :: start, taken, best, total
         integer :: n_good, n_evaluation, i
@@ -222,7 +222,7 @@ contains
         best = huge(1.0_wp)
         total = 0
         do i = 1, n_most
-            run = forward_run()
+            run = new_run
             call start_forward(model, options_of(options), run, status)
             if (.not. status%is_ok()) return
             start = seconds()

@@ -18,7 +18,7 @@ module linkdyn_block
         integer :: n_input = 0
         integer :: n_output = 0
         integer, allocatable :: group_end(:)               !! (group) its last output; they are made one after the other
-        type(kernel_type), private :: kernel
+        type(kernel_type), private :: kernel = kernel_type()
     end type program_type
 
     !> Slots of one thread.
