@@ -1031,7 +1031,7 @@ contains
     !> Forward runs by rk4 from many starts.
     subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_outcomes, outcome, &
             n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, n_kinds, kinds, n_instants, instants, &
-            n_states, states, n_event, code, message)
+            n_states, states, n_event, reason, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         integer(c_int), intent(in) :: threads
@@ -1049,15 +1049,18 @@ contains
         real(c_double), intent(inout) :: instants(n_instants)                ! instant [s], impulse, energy lost of each
         real(c_double), intent(inout) :: states(n_states)                    ! coordinates, their rates before and behind
         integer(c_int), intent(out) :: n_event                               ! in all, more than there is room for perhaps
+        character(len=512), intent(out) :: reason                            ! why steps are too long; blank: nobody says so
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(forward_options) :: options
         type(event_log) :: log
+        character(len=:), allocatable :: told
         integer :: i, n_q
         real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
 
+        reason = ""
         n_event = 0
         call start_listening()
         call take_scene(handle, scene, status)
@@ -1080,7 +1083,9 @@ contains
             options%integrator%span = t(n_t) - t(1)
             options%threads = threads
             options%shared => scene%shared
-            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status, log)
+            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status, log, &
+                              told)
+            reason = told
             n_event = log%n
             n_q = scene%model%n_q
             do i = 1, min(log%n, n_kinds/4, n_instants/3, n_states/(3*n_q))

@@ -16,13 +16,15 @@ module linkdyn_ensemble
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_longest_step, only: too_long_steps_in_words
     use linkdyn_model, only: model_type
     use linkdyn_run_tables, only: list_run_tables
     use linkdyn_scene, only: n_event, n_stop, has_hard_stops
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, sample_unreachable
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, sample_unreachable, &
+        sample_not_converged
     use linkdyn_stop_starts, only: touch_width, find_passed
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: quoted, to_text
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
@@ -34,7 +36,7 @@ contains
     !> is told to stop nothing of it can be used.
     !>
     !> **Errors**: `status_bad_input` for options or a scene that cannot be run, tables that end before the run does among them.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log, told)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
@@ -45,13 +47,17 @@ contains
         integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
         type(status_type), intent(inout) :: status
         type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
+        character(len=:), allocatable, intent(out), optional :: told     !! why the steps of the first member that says so are too
+                                                                         !! long; blank: nobody says so
         type(event_log), allocatable :: of_block(:)
+        character(len=:), allocatable :: reason
         type(shared_programs), pointer :: shared       ! by all blocks
         type(forward_system) :: teller                 ! that makes the record
         type(heard_table), allocatable :: heard(:)
         type(status_type) :: block_status
-        integer :: block, n_block
+        integer :: block, n_block, teller_of_length
 
+        if (present(told)) told = ""
         if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
             //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
         call check_options(options%integrator, status)
@@ -70,6 +76,8 @@ contains
         call make_shared_record(status)
         if (.not. status%is_ok()) n_block = 0
         allocate (of_block(n_block))
+        teller_of_length = huge(teller_of_length)
+        reason = ""
         !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
         do block = 1, n_block
             block_status = status_type()
@@ -82,6 +90,7 @@ contains
         call teller%release()
         call leave_programs(shared)
         if (status%is_ok() .and. present(log)) call gather_events(of_block, log)
+        if (present(told)) call move_alloc(reason, told)
 
     contains
 
@@ -131,6 +140,7 @@ contains
                     call store(run, member, t(i), q(:, i, :), qd(:, i, :))
                 end do
                 call tell_members(run, member)
+                call tell_length(run, member)
                 of_block(block) = run%system%way%log
             end if
             call finish_forward(run)
@@ -175,6 +185,28 @@ contains
             call count_change_points(run, t(size(t)), passed)
             n_crossed(member) = passed
         end subroutine tell_members
+
+        !> What steps are too long for, by the first member that has found out.
+        subroutine tell_length(run, member)
+            type(forward_run), intent(inout) :: run
+            integer, intent(in) :: member(lanes)
+            character(len=:), allocatable :: of_block
+            integer :: lane
+
+            lane = findloc(run%integrator%too_long_for([(lane, lane=1, lanes)]) > 0, .true., dim=1)
+            if (lane == 0) return
+            call hold_texts()
+            associate (t => run%integrator%good_until(lane))
+                of_block = "a member stopped at t = "//to_text(t)//" s: " &
+                           //too_long_steps_in_words(run%system, lane, run%integrator%too_long_for(lane), t, &
+                                                     options%integrator%step, run%y)
+            end associate
+            call release_texts()
+            !$omp critical (linkdyn_ensemble_status)
+            if (member(lane) < teller_of_length) reason = of_block
+            teller_of_length = min(teller_of_length, member(lane))
+            !$omp end critical (linkdyn_ensemble_status)
+        end subroutine tell_length
     end subroutine run_ensemble
 
     !> Gather the events of each member as they came.
@@ -202,6 +234,8 @@ contains
         type(forward_run), intent(in) :: run
         integer, intent(in) :: lane
 
+        outcome = sample_not_converged
+        if (run%integrator%too_long_for(lane) > 0) return
         outcome = run%system%way%obstacle(lane)
         if (outcome == sample_ok .or. reason_of_solution(run%y(lane, :)) == stop_growth) outcome = sample_undefined
     end function why_stopped

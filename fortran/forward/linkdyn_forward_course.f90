@@ -9,7 +9,7 @@ module linkdyn_forward_course
     use linkdyn_forward_phase, only: forward_options, phase_box, enter_phase
     use linkdyn_forward_run, only: forward_run
     use linkdyn_forward_words, only: tell_stop
-    use linkdyn_integrator, only: stop_event
+    use linkdyn_integrator, only: stop_event, stop_length
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
@@ -101,7 +101,7 @@ contains
         logical :: is_new
 
         run%system%wants_rest = .false.
-        if (.not. run%system%watch%is_on) return
+        if (.not. run%system%watch%is_on .or. (all(run%integrator%failed) .and. run%integrator%reason == stop_length)) return
         ! Between two steps a coordinate is exchanged once.
         if (run%integrator%n_step /= run%step_entered) run%n_exchanged = 0
         if (run%n_exchanged >= run%own%n_q .and. .not. all(run%integrator%failed)) return

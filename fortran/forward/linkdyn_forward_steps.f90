@@ -9,7 +9,8 @@ submodule (linkdyn_forward_system) linkdyn_forward_steps
     use linkdyn_forward_record, only: make_forward_steps, place_still
     use linkdyn_lock, only: hold_records, release_records
     use linkdyn_rk4, only: rk4_workspace, rk4_step
-    use linkdyn_steps_at_once, only: use_steps_at_once, set_out, try_step, take_step, tell_end
+    use linkdyn_steps_at_once, only: use_steps_at_once, set_out, try_step, judge_length, &
+        keep_length, take_step, tell_end
     use linkdyn_whole_turns, only: whole_turns, may_any_have_turns
     implicit none (type, external)
 
@@ -97,6 +98,9 @@ contains
             if (any(self%steps%is_left .and. goes)) exit
             if (steps%n > 0 .and. self%way%assembly%is_needed) call accept_here(self, goes, steps)
             if (steps%is_accepted) exit
+            call judge_length(goes, self%steps, steps%watch)
+            if (any(steps%watch%is_too_long .and. goes)) exit
+            call keep_length(goes, length, self%steps, steps%watch)
             call take_step(self%steps)
             steps%n = steps%n + 1
             if (steps%n == n_most) exit

@@ -531,6 +531,8 @@ contains
         allocate (system%per_place(system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
+        system%is_result = system%is_book
+        system%is_result(system%layout%work) = .true.
         system%by_inverse = model%scene%actuator%law%kind == effort_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
         system%way%n_before_record = evaluations_on_lanes(model)

@@ -7,8 +7,10 @@ module linkdyn_forward_words
     use linkdyn_exchange, only: choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_run, only: forward_run
-    use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law
+    use linkdyn_integrator, only: method_name, method_rk4, method_msbdf, stop_growth, stop_roughness, stop_pace, stop_law, &
+        stop_length
     use linkdyn_kinds, only: wp
+    use linkdyn_longest_step, only: too_long_steps_in_words
     use linkdyn_model, only: model_type
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost, sample_not_converged, sample_undefined
     use linkdyn_stiffest_part, only: find_stiffest
@@ -104,7 +106,7 @@ contains
         ! However the steps have come to their end, by what they lost or by how short they became: this is why.
         stalled = 0
         if (.not. (run%is_over .or. run%system%way%is_driven_through(1) .or. has_blind_controller(run) &
-                   .or. any([stop_growth, stop_pace] == run%integrator%reason))) &
+                   .or. any([stop_growth, stop_pace, stop_length] == run%integrator%reason))) &
             stalled = run%system%stalled_coordinate(run%good_until, run%y)
         driven_out = ""
         if (.not. (run%is_over .or. run%system%way%is_driven_through(1))) driven_out = driven_out_in_words(run)
@@ -112,6 +114,10 @@ contains
             reason = reason//"event "//quoted(run%own%scene%event(run%system%way%final_event(1))%name)
         else if (run%system%way%is_driven_through(1)) then
             reason = reason//driven_through_in_words(run%own, run%system%way%final_event(1), run%system%way%is_jammed(1))
+        else if (run%integrator%reason == stop_length) then
+            status = sample_not_converged
+            reason = reason//too_long_steps_in_words(run%system, 1, run%integrator%too_long_for(1), run%good_until, &
+                                                     run%options%integrator%step, run%y)
         else if (driven_out /= "") then
             reason = reason//driven_out
         else if (run%dead_coordinate > 0) then

@@ -16,11 +16,12 @@ module linkdyn_simulator
     use linkdyn_forward_words, only: driven_through_in_words, no_stand_in
     use linkdyn_heard_tables, only: hearing, heard_table, list_tables, refuse_short_tables
     use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
-        stop_pace
+        stop_pace, stop_length
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_longest_step, only: too_long_steps_in_words
     use linkdyn_model, only: model_type
     use linkdyn_run_tables, only: list_simulator_tables
     use linkdyn_scene, only: effort_inverse, side_opening
@@ -310,6 +311,9 @@ contains
             why = "the motion grows without bound"
         case (stop_pace)
             why = "the step limit is reached"
+        case (stop_length)
+            why = too_long_steps_in_words(self%system, 1, self%integrator%too_long_for(1), self%integrator%good_until(1), &
+                                          self%integrator%options%step, self%y)
         case default
             why = failure_at(self%model, self%system%workspace%state, self%system%way%obstacle(1), 1)
             if (self%system%cylinders%culprit > 0 .and. self%system%way%obstacle(1) == sample_undefined) &

@@ -9,10 +9,11 @@ module linkdyn_steps_at_once
     use linkdyn_recorded_rates, only: wire_steps, run_steps_on_lanes
     use linkdyn_scene_program, only: column_list, input_wiring
     use linkdyn_state_wires, only: columns_of_states
+    use linkdyn_step_length, only: length_watch
     use linkdyn_step_program, only: step_inputs, step_outputs, inputs_of_step
     implicit none (type, external)
     private
-    public :: steps_at_once, use_steps_at_once, set_out, try_step, take_step, tell_end
+    public :: steps_at_once, use_steps_at_once, set_out, try_step, judge_length, keep_length, take_step, tell_end
 
     integer, parameter :: n_kept = 3                   !! the state accepted last, that where the next step begins, what is tried
 
@@ -90,6 +91,29 @@ contains
                                 steps%found(:, :, steps%tried), steps%is_left)
         steps%is_first = .false.
     end subroutine try_step
+
+    !> Was the step before it short enough?
+    pure subroutine judge_length(goes, steps, watch)
+        logical, intent(in) :: goes(lanes)
+        type(steps_at_once), intent(in) :: steps
+        type(length_watch), intent(inout) :: watch
+
+        associate (y => steps%at%y, first => steps%out%first, n => steps%n)
+            call watch%judge(goes, steps%found(:, y:y + n - 1, steps%here), steps%found(:, first:first + n - 1, steps%tried))
+        end associate
+    end subroutine judge_length
+
+    !> The step is to be judged with the next one.
+    pure subroutine keep_length(goes, length, steps, watch)
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: length                 !! [s]
+        type(steps_at_once), intent(in) :: steps
+        type(length_watch), intent(inout) :: watch
+
+        associate (last => steps%out%last)
+            call watch%keep(merge(length, 0.0_wp, goes), steps%found(:, last:last + steps%n - 1, steps%tried))
+        end associate
+    end subroutine keep_length
 
     !> Take it: the next one begins where it ends. The state where it has begun is then the one accepted last.
     pure subroutine take_step(steps)

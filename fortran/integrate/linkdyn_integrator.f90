@@ -12,7 +12,7 @@ module linkdyn_integrator
     use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
     use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
-    use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start
+    use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start, watch_step
     use linkdyn_seulex, only: seulex_method
     use linkdyn_step_control, only: step_control, controlled_step, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -24,7 +24,7 @@ module linkdyn_integrator
         method_gbs, method_seulex
     public :: default_method, method_name, choose_method, check_options, tightened
     public :: reason_of_solution, stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law, &
-        stop_event
+        stop_event, stop_length
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes
     integer, parameter :: method_rkf45 = 2     !! order 4(5), adaptive
@@ -46,6 +46,7 @@ module linkdyn_integrator
     integer, parameter :: stop_pace = 4            !! more steps are needed than anyone would wait for
     integer, parameter :: stop_law = 5             !! the solution would break the law of the system
     integer, parameter :: stop_event = 6           !! a guard has crossed, and that is its end
+    integer, parameter :: stop_length = 7          !! equal steps are too long
 
     type :: integrator_options
         integer :: method = default_method
@@ -97,6 +98,7 @@ module linkdyn_integrator
         logical, private :: are_far = .false.                    !! all guards have been, from zero, in the last step
     contains
         procedure :: start, advance, reset, go_on_from, exchange_system, finish
+        procedure :: too_long_for
     end type integrator_type
 
     !> A step of a multistep method.
@@ -213,6 +215,7 @@ contains
             select case (options%method)
             case (method_rk4)
                 call self%work%prepare(system%n)
+                call self%work%watch_length(system, y)
                 return
             case (method_msbdf)
                 call self%gsl%start(system, self%next_step, options%rtol, status)
@@ -357,6 +360,7 @@ contains
             if (self%i_step == self%n_span) self%t = t_end
             if (self%work%steps%n > 1) where (.not. self%failed) self%good_until = self%span_start + (self%i_step - 1)*h
             if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
+            if (all(self%failed)) call tell_length(self)
             if (all(self%failed)) return
             if (self%work%steps%is_accepted) then
                 call undo_steps(self, self%work%steps%is_broken, self%work%begin, y)
@@ -369,9 +373,27 @@ contains
             where (.not. self%failed) self%good_until = self%t
             call take_turns_off(self, system, y)
             call note_step(self, h)
-            if (system%wants_rest) return
+            self%failed = self%failed .or. self%work%steps%watch%is_too_long
+            if (all(self%failed)) call tell_length(self)
+            if (system%wants_rest .or. all(self%failed)) return
         end do
     end subroutine advance_rk4
+
+    !> A run has come to its end since its steps are too long, if it has.
+    pure subroutine tell_length(self)
+        type(integrator_type), intent(inout) :: self
+
+        if (self%work%steps%watch%is_too_long(1)) self%reason = stop_length
+    end subroutine tell_length
+
+    !> The component that a lane's steps have been too long for; 0: they were not.
+    pure elemental integer function too_long_for(self, lane) result(component)
+        class(integrator_type), intent(in) :: self
+        integer, intent(in) :: lane
+
+        component = 0
+        if (self%work%steps%watch%is_too_long(lane)) component = self%work%steps%watch%component(lane)
+    end function too_long_for
 
     !> Lanes that a step has led against the law of the system stay where they were. Where rates jump nothing is said: the stages
     !> of a step weigh the energy of both sides.
@@ -432,6 +454,7 @@ contains
             call note_rk4_start(system, t, length, y, self%work, taken)
             n_jump = system%n_jump
             call rk4_step(system, t, length, y, self%work, failed)
+            call watch_step(self%work, is_moving, length, y, failed)
             self%n_evaluation = self%n_evaluation + 5
             taken%rate = self%work%first
             call self%pause%note_work()
@@ -447,6 +470,7 @@ contains
             end do
             is_hit = any(self%has_crossed, dim=2)
             where (.not. is_hit) share = 1
+            call self%work%steps%watch%forget(is_hit)
             call taken%retake(system, share, y)
             t = t + share*length
             where (.not. is_hit .and. is_moving) t = t_next
@@ -481,6 +505,7 @@ contains
         self%t = t_next
         if (all(self%failed)) then
             if (self%reason == stop_none) self%reason = reason_of_solution(y(1, :))
+            call tell_length(self)
             self%t = maxval(self%good_until)
             return
         end if
@@ -970,6 +995,7 @@ contains
         select case (self%options%method)
         case (method_rk4)
             self%work%rest = 0
+            call self%work%steps%watch%forget(spread(.true., 1, lanes))
         case (method_msbdf)
             self%next_step = min(self%next_step, self%options%step)
         case default
@@ -1006,6 +1032,7 @@ contains
 
         select case (self%options%method)
         case (method_rk4)
+            call self%work%steps%watch%forget(spread(.true., 1, lanes))
         case (method_msbdf)
             call self%gsl%reset()
         case default

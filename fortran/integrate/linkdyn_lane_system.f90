@@ -2,6 +2,7 @@
 module linkdyn_lane_system
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_step_length, only: length_watch
     implicit none (type, external)
     private
     public :: lane_system, lane_way, whole_steps
@@ -26,6 +27,7 @@ module linkdyn_lane_system
         logical :: is_broken(lanes) = .false.             !! if it has: it breaks the law of the system, see `has_broken_law`
         logical :: is_sure(lanes) = .false.               !! if none was taken: lanes whose step may be taken, and leads here:
         real(wp), allocatable :: y(:, :), rest(:, :)      !! (lane, n)
+        type(length_watch) :: watch                       !! on all that are taken, by whomever
     end type whole_steps
 
     !> dy/dt = f(t, y), `lanes` solutions side by side.
@@ -47,6 +49,8 @@ module linkdyn_lane_system
                                                           !! what rounding leaves of these, times that; not allocated: nothing (n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
+        logical, allocatable :: is_result(:)              !! components that no rate depends on, these among them; not allocated:
+                                                          !! none (n)
         real(wp), allocatable, private :: y_alone(:, :), rate_alone(:, :)    !! room for one solution on all lanes (lane, n)
         ! ---- jumps of f, which an evaluation tells by its `mode`
         logical :: may_jump = .false.

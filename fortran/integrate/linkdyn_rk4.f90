@@ -12,7 +12,7 @@ module linkdyn_rk4
     use linkdyn_whole_turns, only: whole_turns, take_off, may_have_turns
     implicit none (type, external)
     private
-    public :: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start
+    public :: rk4_workspace, rk4_step, rk4_steps, rk4_taken, note_rk4_start, watch_step
 
     !> Scratch of a step, and what goes from one to the next.
     type :: rk4_workspace
@@ -22,7 +22,7 @@ module linkdyn_rk4
         real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
         type(whole_steps) :: steps               !! that the system has taken by itself
     contains
-        procedure :: prepare, take_turns_off
+        procedure :: prepare, watch_length, take_turns_off
     end type rk4_workspace
 
     !> A step that was taken: each lane its own.
@@ -85,6 +85,15 @@ contains
         self%rest = 0
     end subroutine prepare
 
+    !> Whether steps are short enough is asked from a solution on.
+    subroutine watch_length(self, system, y)
+        class(rk4_workspace), intent(inout) :: self
+        class(lane_system), intent(in) :: system
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+
+        call self%steps%watch%start(y, system%family, system%is_result)
+    end subroutine watch_length
+
     !> Angles go on without the whole turns that they have made.
     subroutine take_turns_off(self, system, y)
         class(rk4_workspace), intent(inout) :: self
@@ -102,11 +111,13 @@ contains
         turns = merge(whole_turns(y), 0.0_wp, spread(system%is_angle, 1, lanes))
         if (all(turns == 0)) return
         call take_off(turns, y, self%rest)
+        call self%steps%watch%take_turns_off(turns)
         call system%note_turns(turns)
     end subroutine take_turns_off
 
     !> Equal steps: as many at once as the system can take by itself, or one, stage by stage on the lanes where it cannot. All but
-    !> the last have been accepted, and none has failed. `work%steps` tells how many, and whether the last has been accepted, too.
+    !> the last have been accepted, and none has failed. `work%steps` tells how many, and whether the last has been accepted, too,
+    !> and which lanes go no further since the steps that led there were too long.
     subroutine rk4_steps(system, t, h, n_most, y, work, failed)
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, h
@@ -125,8 +136,10 @@ contains
         length = h
         call rk4_step(system, instant, length, y, work, failed)
         work%steps%n = 1
+        call watch_step(work, .not. system%is_idle, length, y, failed)
         associate (is_sure => work%steps%is_sure)
             if (.not. any(is_sure)) return
+            is_sure = is_sure .and. .not. work%steps%watch%is_too_long
             failed = failed .and. .not. is_sure
             do k = 1, system%n
                 y(:, k) = merge(work%steps%y(:, k), y(:, k), is_sure)
@@ -134,6 +147,28 @@ contains
             end do
         end associate
     end subroutine rk4_steps
+
+    !> A step has been taken from stage to stage. Where those before it are seen to have been too long y stays where it began.
+    subroutine watch_step(work, goes, length, y, failed)
+        type(rk4_workspace), intent(inout) :: work
+        logical, intent(in) :: goes(lanes)             !! others do not count
+        real(wp), intent(in) :: length(lanes)
+        real(wp), intent(inout) :: y(:, :)             !! where it has led (lane, n)
+        logical, intent(inout) :: failed(lanes)
+        logical :: is_known(lanes)
+        integer :: k
+
+        is_known = goes .and. .not. failed
+        associate (watch => work%steps%watch)
+            call watch%judge(is_known, work%begin, work%first)
+            call watch%keep(merge(length, 0.0_wp, is_known), work%rate)
+            if (.not. any(watch%is_too_long .and. goes)) return
+            do k = 1, size(y, 2)
+                y(:, k) = merge(work%begin(:, k), y(:, k), watch%is_too_long)
+            end do
+            failed = failed .or. watch%is_too_long
+        end associate
+    end subroutine watch_step
 
     !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
     subroutine rk4_step(system, t, h, y, work, failed)

@@ -15,11 +15,12 @@ module linkdyn_way_gone
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: way_gone_type, family_place, family_rate, family_alone
+    public :: way_gone_type, family_place, family_rate, family_alone, beside_others
 
     integer, parameter :: family_alone = 0       !! of a component that is like no other
     integer, parameter :: family_place = 1       !! places, angles
     integer, parameter :: family_rate = 2        !! and their rates
+    real(wp), parameter :: beside_others = 1.0e-2_wp    !! part of what moves most in a family that all of it is taken to move
 
     type :: way_gone_type
         private
@@ -66,7 +67,7 @@ contains
         real(wp), intent(in) :: y(:)             !! (n)
         real(wp), intent(in) :: atol             !! the tolerance
         real(wp) :: error(size(y)), unit(size(y))
-        real(wp), parameter :: enough = 0.01_wp, beside_others = 1.0e-2_wp, least = 8*epsilon(1.0_wp)
+        real(wp), parameter :: enough = 0.01_wp, least = 8*epsilon(1.0_wp)
         integer :: f
 
         unit = max(1.0_wp, self%beside)

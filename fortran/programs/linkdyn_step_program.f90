@@ -60,6 +60,7 @@ module linkdyn_step_program
         integer :: energy = 0                  !! that with what gravity adds to it [J]
         integer :: certain = 0                 !! not above zero: at a stage rounding may have grown, a loop does not close, or an
                                                !! assembly may have been left; or it is not told where the step begins
+        integer :: first = 0, last = 0         !! rates where the step begins, and at its last stage (n)
     end type step_outputs
 
 contains
@@ -135,10 +136,11 @@ contains
             call add_output(list, out_steps, [x(at%length), x(at%length), q, margin, drift, sum, &
                                               (y - (sum - added)) + (way - added)])
             call add_output(list, out_steps, [kinetic, kinetic + gravity_energy(traced%mechanism), &
-                                              select(alarm - 1.0_wp, -one(), min(reach, sound))])
+                                              select(alarm - 1.0_wp, -one(), min(reach, sound)), rate, of_stage])
         end associate
         call make_scene_program(record, traced%in, list, program)
-        out = step_outputs(n=at%n + 3, kinetic=at%n + 1, energy=at%n + 2, certain=at%n + 3)
+        out = step_outputs(n=at%n + 3 + 2*places%n, kinetic=at%n + 1, energy=at%n + 2, certain=at%n + 3, first=at%n + 4, &
+                           last=at%n + 4 + places%n)
 
     contains
 

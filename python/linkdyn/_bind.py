@@ -651,7 +651,7 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
 
 def ensemble(
     handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int, has_events: bool
-) -> tuple[tuple[Floats, Floats, Floats, NDArray[np.intc], NDArray[np.intc]], tuple[NDArray[np.intc], Floats, Floats]]:
+) -> tuple[tuple[Floats, Floats, Floats, NDArray[np.intc], NDArray[np.intc]], tuple[NDArray[np.intc], Floats, Floats], str]:
     """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
 
     Returns
@@ -666,23 +666,26 @@ def ensemble(
         (n,) why each stopped, as the status of a sample; 0: it has not.
     events
         As `Run.events` has them, with the member, from 1, before the number of the event.
+    reason
+        Why the steps are too long, where a member has found that they are; else empty.
     """
     n, n_q = q.shape
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
     good_until, crossed, outcome = np.empty(n), np.empty(n, dtype=np.intc), np.empty(n, dtype=np.intc)
-    room = max(64, 16 * n) if has_events and n > 0 else 0
+    room, reason = max(64, 16 * n) if has_events and n > 0 else 0, ""
     while True:
         kinds, instants, states = np.zeros((room, 4), np.intc), np.zeros((room, 3)), np.zeros((room, 3, n_q))
         if n == 0:
             break
         members = (good_until, crossed, outcome, _flat(q), _flat(qd), _flat(found), _flat(rate))
         rows = (kinds.reshape(-1) if room else np.zeros(1, np.intc), _flat(instants), _flat(states))
-        n_events = _listen(_api.api_ensemble, handle, threads, step, t, *members, *rows)[0]
+        n_events, told = _listen(_api.api_ensemble, handle, threads, step, t, *members, *rows)
+        reason = told.decode("utf-8", errors="replace").strip()
         if n_events <= room or not has_events:
             kinds, instants, states = kinds[:n_events], instants[:n_events], states[:n_events]
             break
         room = n_events  # more than usual: once more, which gives the same
-    return (found, rate, good_until, crossed, outcome), (kinds, instants, states)
+    return (found, rate, good_until, crossed, outcome), (kinds, instants, states), reason
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

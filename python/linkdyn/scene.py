@@ -776,7 +776,8 @@ class Scene:
             "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
             last good instant, "status" (member), 0 if it came to the end (its own, where an event ends it) or what it met there,
             named as for `inverse`, and "change_points_passed" (member). Events as in `forward`, with "event_member". Forces at
-            any of these states: `inverse`.
+            any of these states: `inverse`. A member for which `step` is too long ends as "not_converged" does: ``attrs["stopped"]``
+            says what moves too fast and how long steps may be.
 
         Raises
         ------
@@ -789,13 +790,14 @@ class Scene:
         rate = self._batch("qd", qd, len(start))
         parts: list[tuple[NDArray[Any], ...]] = []
         events: list[tuple[NDArray[Any], ...]] = []
-        has_events = bool(self.description["events"])
+        has_events, stopped = bool(self.description["events"]), ""
         n_done, sign = 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
-                part, happened = _bind.ensemble(self._handle, start[block], rate[block], instants, *settings, has_events)
+                part, happened, reason = _bind.ensemble(self._handle, start[block], rate[block], instants, *settings, has_events)
                 happened[0][:, 0] += n_done
+                stopped = stopped or reason
                 parts.append(part)
                 events.append(happened)
                 n_done += ENSEMBLE_BLOCK
@@ -806,6 +808,7 @@ class Scene:
         data = ensemble_dataset(
             schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
         )
+        data.attrs["stopped"] = stopped
         data.encoding |= self._origin
         if not has_events:
             return data

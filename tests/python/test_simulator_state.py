@@ -88,8 +88,9 @@ def go_on(simulator: linkdyn.Simulator, dt: float, first: int, n: int) -> list[A
 def test_the_same_steps_give_the_same_bits(name: str, method: str | None) -> None:
     make, dt, before, behind = SCENES[name]
     scene = make()
-    simulator = scene.simulator(method=method, step=1e-3)
-    other = scene.simulator(method=method, step=1e-3)
+    step = 1e-4 if method == "rk4" and name in ("belt", "brake") else 1e-3  # the belt's vibration, what the brake holds
+    simulator = scene.simulator(method=method, step=step)
+    other = scene.simulator(method=method, step=step)
     go_on(simulator, dt, 0, before)
     saved = simulator.state
     assert saved.t == simulator.t and (saved.q == simulator.q).all() and (saved.qd == simulator.qd).all()
