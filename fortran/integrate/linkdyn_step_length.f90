@@ -79,7 +79,7 @@ contains
         real(wp), parameter :: least = 1.0e-6_wp         !! an error that nobody heeds
         real(wp), parameter :: memory = 0.99_wp          !! of the rates from step to step
         integer, parameter :: many = 5                   !! such steps: a rate of 2.3/h has so many before it has settled
-        integer, parameter :: rarely = 8                 !! one of so many is none: what a limit sends back is so as often as it comes
+        integer, parameter :: rarely = 8                 !! one of so many is none; what a limit sends back comes oftener
         real(wp) :: error(lanes), way(lanes, family_alone:family_rate), pace(lanes, family_alone:family_rate)
         logical :: is_wild(lanes), is_gross(lanes)
         integer :: k
