@@ -4,6 +4,7 @@
 !> the friction that is left is that of a mechanism that rubs and is held by nothing (`linkdyn_friction_balance`).
 module linkdyn_contact_balance
     use linkdyn_contact, only: contact_type, n_press, pressing
+    use linkdyn_contact_forces, only: solve_held
     use linkdyn_friction_balance, only: balance_friction, driven_press
     use linkdyn_friction_state, only: friction_state, linear_press, rubs_as_pressed
     use linkdyn_kinds, only: wp
@@ -35,6 +36,7 @@ module linkdyn_contact_balance
         procedure :: note_push
         procedure :: note_amount
         procedure :: begin_there
+        procedure :: yield_to_kept
         procedure :: fits
     end type contact_responses
 
@@ -118,6 +120,32 @@ contains
         call take_away(push, self%of_push, self%away, self%press, self%mesh)
         call take_away(friction%amount, self%of_amount, self%away, self%press, self%mesh)
     end subroutine begin_there
+
+    !> What cannot move while others stay as they are goes with them, whatever it is asked for: no push could give both. Friction
+    !> changes nothing in that.
+    subroutine yield_to_kept(self, lane, is_kept, is_held, wanted)
+        class(contact_responses), intent(in) :: self
+        integer, intent(in) :: lane
+        logical, intent(in) :: is_kept(:)              !! these stay as they are (held)
+        logical, intent(in) :: is_held(:)              !! (held)
+        real(wp), intent(inout) :: wanted(:)           !! accelerations (held)
+        real(wp), parameter :: rigid = 1.0e-10_wp      !! of what it answers to its own push: that is none
+        real(wp) :: push(count(is_kept .and. is_held))
+        integer, allocatable :: kept(:)
+        integer :: i, k
+
+        kept = pack([(k, k=1, size(wanted))], is_kept .and. is_held)
+        if (size(kept) == 0) return
+        associate (response => self%of_push%away(lane, :, :), away => self%away(lane, :))
+            push = solve_held(response(kept, kept), wanted(kept) - away(kept))
+            do i = 1, size(wanted)
+                if (is_kept(i) .or. .not. is_held(i)) cycle
+                if (response(i, i) - dot_product(response(i, kept), solve_held(response(kept, kept), response(kept, i))) &
+                    > rigid*abs(response(i, i))) cycle
+                wanted(i) = away(i) + dot_product(response(i, kept), push)
+            end do
+        end associate
+    end subroutine yield_to_kept
 
     !> What causes of these sizes do.
     pure subroutine take_away(amount, effects, away, press, mesh)

@@ -468,7 +468,8 @@ contains
         call self%evaluate_on_lanes(t, y, rate, failed)
         none = 0
         call accelerate(self, none, away)
-        if (size(self%equations%lossy) > 0) call lead_through_losses(push, away, response)
+        call lead_through_hold(size(self%equations%lossy) > 0 .or. (has_sticking(self%model) .and. holds_alone()), push, away, &
+                               response)
         where (is_free .and. .not. (may_hold .or. positive))
             holds(:, n + 1:) = .false.
             sense(:, n + 1:) = slip_senses(self%model, away(:, n + 1:))
@@ -501,6 +502,13 @@ contains
         end do
 
     contains
+
+        !> Is there but one that may hold?
+        function holds_alone() result(is)
+            logical :: is(lanes)
+
+            is = count(may_hold, dim=2) + count(takes_part(:, :n), dim=2) == 1
+        end function holds_alone
 
         !> Does what was found to slip at first go the other way?
         logical function goes_back(lane)
@@ -630,15 +638,20 @@ contains
         may_hold = with_lead(self%model%scene, may_hold)
     end subroutine find_able
 
-    !> What transmissions lose of a push bends the answer to it. The responses become those between no push and the one that holds
-    !> all: who is to hold by himself is judged by what he has to hold then.
-    subroutine lead_through_losses(push, away, response)
+    !> What transmissions lose of a push bends the answer to it, and so does what joints rub by it. The responses become those
+    !> between no push and the one that holds all: who is to hold by himself is judged by what he has to hold then. To a push far
+    !> larger joints answer as rubbed by that alone, and at the edge of what friction holds it would be found to let go, and to
+    !> come to rest again at once. Of several that hold by friction what each has to hold is not told but by rounding, where they
+    !> hold the same: there the responses stay.
+    subroutine lead_through_hold(is_bent, push, away, response)
+        logical, intent(in) :: is_bent(lanes)
         real(wp), intent(in), dimension(:, :) :: push, away    !! that holds all; accelerations without any (lane, n_held)
         real(wp), intent(inout) :: response(:, :, :)   !! (lane, of, by)
         real(wp) :: missing(size(push, 2)), square
         integer :: lane, i
 
         do lane = 1, lanes
+            if (.not. is_bent(lane)) cycle
             square = dot_product(push(lane, :), push(lane, :))
             if (.not. (square > 0 .and. square <= huge(1.0_wp))) cycle
             missing = merge(-away(lane, :) - matmul(response(lane, :, :), push(lane, :)), 0.0_wp, push(lane, :) /= 0)
@@ -646,7 +659,7 @@ contains
                 response(lane, :, i) = response(lane, :, i) + missing*(push(lane, i)/square)
             end do
         end do
-    end subroutine lead_through_losses
+    end subroutine lead_through_hold
 
     !> Does anything move by a push of a clutch? Where a joint turns back while others move on, nothing does.
     pure function is_movable(self, response)

@@ -229,21 +229,29 @@ contains
         real(wp), intent(in) :: wanted(:, :)           !! accelerations of what is held (lane, n_held)
         real(wp), intent(out) :: push(:, :)            !! (lane, n_held)
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
-        real(wp) :: away(lanes, size(push, 2)), lever(size(push, 2))
+        real(wp), dimension(lanes, size(push, 2)) :: away, asked
+        real(wp) :: lever(size(push, 2))
         type(contact_responses) :: found
+        logical :: is_kept(size(push, 2))
         integer :: turn, lane, lead(size(push, 2))
 
         push = 0
+        asked = wanted
+        is_kept(:n_stop(self%model%scene)) = .true.
+        is_kept(n_stop(self%model%scene) + 1:) = are_led(self)
         call list_held(self%model, lead, lever)
         associate (workspace => self%workspace, friction => self%workspace%friction)
             workspace%status = workspace%status_of_motion
             call find_contact_responses(self, is_held, found)
+            do lane = 1, self%n_used
+                call found%yield_to_kept(lane, is_kept, is_held(lane, :), asked(lane, :))
+            end do
             workspace%status = workspace%status_of_motion
             do turn = 1, n_turn
                 do lane = 1, self%n_used
                     if (workspace%status_of_motion(lane) /= sample_ok) cycle
                     call balance_contacts(lead, lever, self%equations%rub, friction%factor(lane, :), is_held(lane, :), &
-                                          wanted(lane, :), lane, found, push(lane, :), friction%amount(lane, :), &
+                                          asked(lane, :), lane, found, push(lane, :), friction%amount(lane, :), &
                                           workspace%state%holding(lane))
                     call flag_locked(self%model, self%equations, lane, workspace)
                 end do
@@ -254,7 +262,7 @@ contains
             do lane = 1, self%n_used
                 if (workspace%status(lane) /= sample_ok) cycle
                 ! Where friction changes so fast with what is pushed that no push was found, nothing that follows of it is true.
-                if (.not. found%fits(self%equations%rub, friction%factor(lane, :), is_held(lane, :), wanted(lane, :), lane, &
+                if (.not. found%fits(self%equations%rub, friction%factor(lane, :), is_held(lane, :), asked(lane, :), lane, &
                                      push(lane, :), friction%amount(lane, :), friction%press(lane, :, :), &
                                      forces_at_work(self%model, workspace, lane))) &
                     workspace%status(lane) = sample_not_converged
@@ -325,7 +333,7 @@ contains
         logical :: is_led(size(wanted, 2))
         integer :: i
 
-        is_led = [(led_by(self%model, self%model%scene%clutch(i)), i=1, size(wanted, 2))]
+        is_led = are_led(self)
         wanted = 0
         pace = merge(0.25_wp/max(self%way%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%way%clutch%longest > 0)
         if (all(is_led) .or. .not. any(pace > 0)) return
@@ -337,4 +345,13 @@ contains
             where (self%way%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*off(:, i))
         end do
     end function way_back
+
+    !> Clutches whose joint variables are coordinates, or linear in them.
+    function are_led(self) result(are)
+        class(forward_system), intent(in) :: self
+        logical :: are(n_clutch(self%model%scene))
+        integer :: i
+
+        are = [(led_by(self%model, self%model%scene%clutch(i)), i=1, size(are))]
+    end function are_led
 end submodule linkdyn_forward_contacts

@@ -13,7 +13,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use linkdyn_measures, only: find_events, tell_events
     use linkdyn_motor_states, only: switch_brakes
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_slip_parts, only: goes_with_others, slip_levers, with_lead
+    use linkdyn_slip_parts, only: goes_with_others, slip_levers, slip_speeds, with_lead
     use linkdyn_stop_states, only: leave_stop
     implicit none (type, external)
 
@@ -197,6 +197,7 @@ contains
         rested = self%way%stops%rests
         call self%look_closely(t, y)
         call tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
+        call ask_what_stops_held(self, rested .and. .not. self%way%stops%rests, has_slipped)
         has_slipped = with_lead(self%model%scene, has_slipped) .and. is_closed
         if (any(has_slipped) .or. any(is_closed .neqv. self%way%clutch%is_closed)) then
             has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%way%clutch%is_closed), dim=2)
@@ -212,6 +213,29 @@ contains
         end if
         if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
     end procedure meet_events
+
+    !> A stop lets go of what rested there, and of what that kept at rest: clutches are asked anew whether they hold. Each still
+    !> rubs as it slid before it came to the stop, and where the load would move it the other way now it would come to rest again
+    !> at this instant, and so on without end.
+    subroutine ask_what_stops_held(self, lets_go, has_slipped)
+        class(forward_system), intent(in) :: self      !! the motion of the state is in `look`
+        logical, intent(in) :: lets_go(:, :)           !! (lane, n_stop)
+        logical, intent(inout) :: has_slipped(:, :)    !! (lane, n_clutch)
+        real(wp), parameter :: still = 1.0e-9_wp       !! of the fastest slip so far: what steps have left of it
+        real(wp) :: slip(lanes, size(has_slipped, 2))
+        integer :: i
+
+        if (.not. (any(lets_go) .and. any(self%way%clutch%is_closed))) return
+        slip = slip_speeds(self%model, slips(self%model, self%look, level_velocity))
+        associate (of => self%way%clutch)
+            do i = 1, size(slip, 2)
+                associate (fastest => max(of%fastest(:, i), self%guard_scale(:, self%model%scene%clutch(i)%event)))
+                    has_slipped(:, i) = has_slipped(:, i) .or. (any(lets_go, dim=2) .and. of%is_closed(:, i) &
+                                                                .and. .not. of%holds(:, i) .and. slip(:, i) <= still*fastest)
+                end associate
+            end do
+        end associate
+    end subroutine ask_what_stops_held
 
     !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give
     !> way, releases. What clutches and stops make of theirs comes later, of all together.
