@@ -224,6 +224,8 @@ contains
                     event_in_words(run%own, log%entry(i))
             end do
             if (log%n > most) write (unit, "(a)") "                   ... "//to_text(log%n)//" in all"
+            if (log%n > 0) write (unit, "(a)") &
+                "                   just before and behind them forces may be larger than those of samples"
         end associate
     end subroutine print_events
 

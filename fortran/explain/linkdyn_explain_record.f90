@@ -31,7 +31,7 @@ contains
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
         call explain_rates(model, poses, unit)
-        write (unit, "(/,2x,a)") "Operations are sums, products and the like for one sample; a core does billions of them a second."
+        write (unit, "(/,2x,a)") "Operations are sums, products and the like: a core does billions of them a second."
 
     contains
 

@@ -64,6 +64,7 @@ def test_estimates_hold(solver: str, exact: dict[str, np.ndarray]) -> None:
     assert_not_vague(together, solver)
 
 
+@pytest.mark.thorough
 def test_estimates_hold_on_examples(exact: dict[str, np.ndarray]) -> None:
     """Easy samples are no exception."""
     together = join_samples([ratios(case, "elimination", exact) for case in EXAMPLES])

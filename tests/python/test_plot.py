@@ -259,6 +259,7 @@ def test_names_of_bent_chains_belong_to_their_lines():
         assert min(np.linalg.norm(sampled(line, 0.5) - anchor, axis=1).min() for line in lines) < 1.0, leg
 
 
+@pytest.mark.thorough
 def test_names_without_room_are_left_out_and_counted():
     """Those of 40 four-bars in a row lay on each other, none could be read."""
     figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / "n_fourbar" / "scene_40.toml"))

@@ -38,6 +38,7 @@ def ratios(spec: dict, name: str, solver: str = "elimination") -> np.ndarray:
     return ratio_to_estimate(true_errors(forces_of(run), quadruple_forces(TWIN, case)), forces_of(run, "_error"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["elimination", "lapack"])
 def test_estimates_hold(solver: str) -> None:
     """By the sum of squares and by stiffness: of joints, and of links that give way."""
