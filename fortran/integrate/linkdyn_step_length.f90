@@ -58,7 +58,7 @@ contains
     pure subroutine keep(self, length, last)
         class(length_watch), intent(inout) :: self
         real(wp), intent(in) :: length(lanes)            !! of the step; 0 of lanes that have taken none
-        real(wp), intent(in) :: last(:, :)               !! (lane, n)
+        real(wp), intent(in), contiguous :: last(:, :)   !! (lane, n)
         integer :: k
 
         if (.not. allocated(self%last)) return
@@ -73,15 +73,10 @@ contains
     pure subroutine judge(self, goes, y, rate)
         class(length_watch), intent(inout) :: self
         logical, intent(in) :: goes(lanes)
-        real(wp), intent(in) :: y(:, :), rate(:, :)      !! there (lane, n)
-        real(wp), parameter :: gross = 2.0e-3_wp         !! error of a step, part of the way gone: of a vibration in ten steps
-        real(wp), parameter :: wild = 0.1_wp             !! likewise of the rates: a vibration in six steps
-        real(wp), parameter :: least = 1.0e-6_wp         !! an error that nobody heeds
+        real(wp), intent(in), contiguous :: y(:, :), rate(:, :)    !! there (lane, n)
         real(wp), parameter :: memory = 0.99_wp          !! of the rates from step to step
-        integer, parameter :: many = 5                   !! such steps: a rate of 2.3/h has so many before it has settled
-        integer, parameter :: rarely = 8                 !! one of so many is none; what a limit sends back comes oftener
-        real(wp) :: error(lanes), way(lanes, family_alone:family_rate), pace(lanes, family_alone:family_rate)
-        logical :: is_wild(lanes), is_gross(lanes)
+        real(wp), dimension(lanes, family_alone:family_rate) :: way, pace
+        real(wp) :: worst(lanes)
         integer :: k
 
         if (.not. allocated(self%last)) return
@@ -97,23 +92,55 @@ contains
                 pace(:, f) = max(pace(:, f), beside_others*fastest)
             end associate
         end do
+        worst = 0
+        do k = 1, size(self%last, 2)
+            if (.not. self%is_result(k)) worst = max(worst, excess(self, k, y(:, k), rate(:, k), way, pace))
+        end do
+        ! most steps are good ones after good ones
+        if (any(worst > 0) .or. any(self%n_wild > 0)) call count_wild(self, goes, y, rate, way, pace)
+        self%length = 0
+    end subroutine judge
+
+    !> By how much a component's error of the step is more than gross; 0 or less: it is not.
+    pure function excess(self, k, y, rate, way, pace)
+        type(length_watch), intent(in) :: self
+        integer, intent(in) :: k
+        real(wp), intent(in) :: y(lanes), rate(lanes)
+        real(wp), intent(in), dimension(lanes, family_alone:family_rate) :: way, pace    !! of each family's fastest
+        real(wp) :: excess(lanes), change(lanes), error(lanes)
+        real(wp), parameter :: gross = 2.0e-3_wp         !! error of a step, part of the way gone: of a vibration in ten steps
+        real(wp), parameter :: wild = 0.1_wp             !! likewise of the rates: a vibration in six steps
+        real(wp), parameter :: least = 1.0e-6_wp         !! an error that nobody heeds
+
+        associate (f => self%family(k))
+            change = abs(rate - self%last(:, k))
+            error = self%length/6*change
+            excess = max(change - wild*max(self%fastest(:, k), pace(:, f)), error - gross*max(self%gone(:, k), way(:, f)))
+            excess = min(excess, error - least*max(1.0_wp, abs(y)))
+        end associate
+    end function excess
+
+    !> The step's errors were gross, or those of one not long before.
+    pure subroutine count_wild(self, goes, y, rate, way, pace)
+        class(length_watch), intent(inout) :: self
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in), contiguous :: y(:, :), rate(:, :)    !! (lane, n)
+        real(wp), intent(in), dimension(lanes, family_alone:family_rate) :: way, pace
+        integer, parameter :: many = 5                   !! such steps: a rate of 2.3/h has so many before it has settled
+        integer, parameter :: rarely = 8                 !! one of so many is none; what a limit sends back comes oftener
+        logical :: is_wild(lanes), is_gross(lanes)
+        integer :: k
+
         is_wild = .false.
         do k = 1, size(self%last, 2)
             if (self%is_result(k)) cycle
-            associate (f => self%family(k))
-                error = abs(rate(:, k) - self%last(:, k))
-                is_gross = error > wild*max(self%fastest(:, k), pace(:, f))
-                error = self%length/6*error
-                is_gross = error > least*max(1.0_wp, abs(y(:, k))) .and. &
-                           (is_gross .or. error > gross*max(self%gone(:, k), way(:, f)))
-            end associate
+            is_gross = excess(self, k, y(:, k), rate(:, k), way, pace) > 0
             is_wild = is_wild .or. is_gross
             where (is_gross .and. .not. self%is_too_long) self%component = k
         end do
         self%n_wild = max(0, self%n_wild + merge(merge(rarely - 1, -1, is_wild), 0, self%length > 0 .and. goes))
         self%is_too_long = self%is_too_long .or. self%n_wild > (many - 1)*(rarely - 1)
-        self%length = 0
-    end subroutine judge
+    end subroutine count_wild
 
     !> The rates jump where that step has led, or y does.
     pure subroutine forget(self, where_so)
