@@ -20,7 +20,7 @@ __all__ = ["poses_at", "run_of"]
 
 def run_of(scene: Scene) -> xr.Dataset:
     """By the scene's motion; by its drives if no coordinate has one or actuators are missing."""
-    return scene.inverse() if _is_inverse(scene) else scene.forward()
+    return scene.inverse() if _is_inverse(scene, *_moves_and_drives(scene)) else scene.forward()
 
 
 def poses_at(scene: Scene, instant: float) -> Poses:
@@ -32,8 +32,9 @@ def poses_at(scene: Scene, instant: float) -> Poses:
         Nothing moves the scene, or its forward run does not come so far.
     """
     first, last = scene.description["time"]["first"], scene.description["time"]["last"]
-    inverse = _is_inverse(scene)
-    if inverse and not _has("coordinate", "motion", scene):
+    moves, drives = _moves_and_drives(scene)
+    inverse = _is_inverse(scene, moves, drives)
+    if inverse and not moves:
         raise InputError("nothing moves the scene (expected a motion of a coordinate, or a law of an actuator)")
     if instant < first or first < last < instant:
         raise InputError(f"expected an instant of the motion, from {first:g} to {last:g} s, got {instant:g}" if first < last
@@ -48,9 +49,11 @@ def poses_at(scene: Scene, instant: float) -> Poses:
     return poses_of(scene, run.isel(sample=[-1]))
 
 
-def _is_inverse(scene: Scene) -> bool:
-    return len(scene.actuators) == len(scene.coordinates) and (_has("coordinate", "motion", scene) or not _has("actuator", "law", scene))
+def _is_inverse(scene: Scene, moves: bool, drives: bool) -> bool:
+    return len(scene.actuators) == len(scene.coordinates) and (moves or not drives)
 
 
-def _has(table: str, key: str, scene: Scene) -> bool:
-    return any(key in entry for entry in tomllib.loads(scene.text).get(table, []))
+def _moves_and_drives(scene: Scene) -> tuple[bool, bool]:
+    """Does a coordinate have a motion, an actuator a law?"""
+    content = tomllib.loads(scene.text)
+    return (any("motion" in entry for entry in content.get("coordinate", [])), any("law" in entry for entry in content.get("actuator", [])))
