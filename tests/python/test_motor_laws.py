@@ -325,17 +325,19 @@ TWINS = {
 @pytest.mark.thorough
 @pytest.mark.parametrize("case", TWINS)
 def test_quadruple_precision(case: str, tmp_path: Path) -> None:
-    """The same steps in 34 digits: states, losses and forces agree to rounding."""
+    """The same steps in 34 digits: states, losses and forces agree to rounding. Steps short enough for the screw's creep."""
     file = tmp_path / "scene.toml"
     file.write_text(linkdyn.Scene({**TWINS[case](), "time": {"end": 0.3, "samples": 4}}).text)
     runs = []
     for program in (executable(), quadruple_twin()):
         out = tmp_path / f"{len(runs)}.nc"
-        subprocess.run([program, "forward", file, "-o", out, "--want", "all", "--method", "rk4", "--step", "1e-3"], capture_output=True, check=True)
+        subprocess.run([program, "forward", file, "-o", out, "--want", "all", "--method", "rk4", "--step", "2e-4"], capture_output=True, check=True)
         runs.append(xr.load_dataset(out))
     for name in ("q", "qd", "motor_torque", "transmission_loss", "driving_force"):
         double, quadruple = (each[name].values for each in runs)
-        assert np.abs(double - quadruple).max() <= 1e-12 * np.abs(quadruple).max(), name
+        # a motor torque that the law holds at nought is the difference of torques of the order of 1 N*m
+        size = max(np.abs(quadruple).max(), 1.0 if name == "motor_torque" else 0.0)
+        assert np.abs(double - quadruple).max() <= 1e-12 * size, name
 
 
 def test_gear_without_losses() -> None:

@@ -278,7 +278,7 @@ def test_draw(tmp_path):
         (("scene.toml", "-o", "s.txt"), "ends in .png"),
         (("scene.toml", "--at", "noon"), "expected seconds"),
         (("scene.toml", "--at", "1e3"), "expected an instant of the motion, from 0 to"),
-        (("scene.toml", "--at", "nan"), "expected an instant of the motion"),
+        (("scene.toml", "--at", "nan"), "expected seconds, got 'nan'"),
         (("none.toml",), "none.toml"),
         (("scene.toml", "-o", "none/s.png"), "s.png"),
         ((), "required"),
