@@ -28,7 +28,7 @@ PORTABLE = ("-Dgsl=disabled", "-Dmarch=")
 STATIC = ("-Dlapack=netlib", "-Dnetcdf=static")
 TESTS = ("tests/cli/test_cli.py", "tests/cli/test_sheet.py", "tests/cli/test_sweep.py", "tests/python/test_scene.py", "tests/python/test_references.py")
 """Of all parts, but for forward runs from the command line: these are tests of the default method, which is GSL's."""
-NEEDED = ("linkdyn/_bin/linkdyn", "licenses/LICENSE", "licenses/licenses/HDF5.txt", "licenses/licenses/GPL-3.txt", "licenses/licenses/LGPL-2.1.txt")
+NEEDED = ("linkdyn/_bin/linkdyn", "linkdyn/liblinkdyn_package.so", "licenses/LICENSE", "licenses/licenses/HDF5.txt", "licenses/licenses/GPL-3.txt", "licenses/licenses/LGPL-2.1.txt")
 
 
 def run(*command: str | Path, **environment: str) -> None:
