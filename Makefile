@@ -51,9 +51,9 @@ run: $(PACKAGE)
 	$(VENV)/bin/python examples/$(EXAMPLE)/run.py --out results/$(EXAMPLE)
 	@echo "Results and pictures: results/$(EXAMPLE)"
 
-# the hard cases are measured against the quadruple twin
+# the hard cases are measured against the quadruple twin; of a test with parameters thirty cases at most, and all by `check`
 test: real128 browser $(TEST_REQUIREMENTS)
-	@$(VENV)/bin/python tools/run_tests.py $(BUILD) -m "not thorough"
+	@$(VENV)/bin/python tools/run_tests.py $(BUILD) -m "not thorough" --cases 30
 
 check: real128 system-mpi browser $(TEST_REQUIREMENTS)
 	@$(VENV)/bin/python tools/check.py $(WAYS)

@@ -58,6 +58,7 @@ def pictured(folder: Path, scene: linkdyn.Scene, q: np.ndarray) -> np.ndarray:
     return image.imread(folder / "q.png")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["stopped_rocker", "cart_pole", "stewart_forward"])
 def test_forward_runs_are_drawn_at_their_instants(name: str, tmp_path: Path) -> None:
     file = EXAMPLES / name / "scene.toml"

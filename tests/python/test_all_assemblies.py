@@ -255,6 +255,7 @@ def dietmaier() -> dict[str, Any]:
         "coordinate": [{"joint": f"leg{i + 1}.P", "start": float(length)} for i, length in enumerate(LENGTHS)]}
 
 
+@pytest.mark.thorough
 def test_forty_postures_of_a_platform() -> None:
     """All are found, no leg turned about itself makes another, and the platform's start chooses each."""
     content = dietmaier()

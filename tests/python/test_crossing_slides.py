@@ -141,6 +141,7 @@ def test_each_side_is_its_own_assembly() -> None:
     assert status.tolist() == [0, 0, 0, UNREACHABLE, UNREACHABLE]
 
 
+@pytest.mark.thorough
 def test_forward_run_ends_at_the_parallel() -> None:
     """A crank that turns evenly takes the slide to infinity in a quarter of a turn."""
     scene = linkdyn.Scene(TANGENT.replace("START", 'motion = { law = "constant-rate", rate = "60 rpm" }'))

@@ -11,6 +11,7 @@ check_layers = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(check_layers)
 
 
+@pytest.mark.thorough
 def test_sources_keep_the_order() -> None:
     assert check_layers.read_sources(ROOT), "no sources found"
     assert check_layers.find_violations(ROOT) == []

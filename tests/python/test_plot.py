@@ -540,6 +540,7 @@ def test_no_name_lies_on_an_axis(closed_figures) -> None:
 TITLE = r"A linkage with a title of many words, whose prototype costs $5 \frac or $6 and whose words go on and on and on, whatever paper they are written on"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["four-bar", "hexapod"])
 def test_titles_are_as_written_and_within_the_picture(kind: str, tmp_path: Path, closed_figures) -> None:
     """Long ones were cut off on both sides, and dollars taken for formulas: a wrong one ended in Python's own error."""

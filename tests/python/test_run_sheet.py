@@ -137,6 +137,7 @@ def test_hodographs_are_of_forces_that_turn():
     assert len(captions) == 3 and not any("Hodograph" in caption for caption in captions)
 
 
+@pytest.mark.thorough
 def test_no_picture_stands_beside_blank_paper(tmp_path):
     """Of a machine that nothing drives its motion is drawn where others have their driving forces; what stands alone has the whole row."""
     scene = linkdyn.load(EXAMPLES / "bricard" / "scene.toml")
@@ -242,6 +243,7 @@ def command(*words, folder):
     return subprocess.run([sys.executable, "-m", "linkdyn", *words], cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.thorough
 def test_sheet_of_a_run(tmp_path):
     (tmp_path / "scene.toml").write_text(linkdyn.new("four-bar").text)
     said = command("inverse", "scene.toml", "--sheet", "out.html", folder=tmp_path)
@@ -287,6 +289,7 @@ def test_draw(tmp_path):
         assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1, said.stderr
 
 
+@pytest.mark.thorough
 def test_pages_are_filled(tmp_path):
     """What is wide went to a page of its own as tall as it could be, and a third of the page before was blank; so did the texts below it."""
     scene = linkdyn.load(EXAMPLES / "bricard" / "scene.toml")
