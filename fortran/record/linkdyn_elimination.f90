@@ -76,6 +76,10 @@ module linkdyn_elimination
         logical, allocatable :: is_next(:)             !! (column) open, and none stands before it: a pivot is looked for here
         type(candidate), allocatable :: best(:)        !! (column)
         logical, allocatable :: is_stale(:)            !! (column) the best must be looked for again
+        type(index_list) :: stale                      !! columns, those among them that are stale and next
+        integer :: n_leaf = 1                          !! of the contest: a power of two, as many as columns at least
+        integer, allocatable :: winner(:)              !! contests between columns for the next pivot: `winner(1)` has won, that of
+                                                       !! two follows from places 2k and 2k + 1, leaves are the columns; 0: none
         integer :: n_sample = 0
     end type work_type
 
@@ -104,16 +108,17 @@ contains
         type(pivot_step), allocatable :: step(:)
         type(candidate) :: pivot
         integer :: n_step, n_turned, u, i
-        logical :: found, is_used(size(row))
+        logical :: found, is_used(size(row)), has_order
 
         call begin(row, n_column, work)
         if (present(is_free)) work%is_open = .not. is_free
         allocate (step(count(work%is_open)), elimination%watched(0))
         elimination%determinant = one()
         is_used = .false.
+        has_order = .false.
         do n_step = 1, size(step)
-            work%is_next = work%is_open .and. .not. is_last
-            if (.not. any(work%is_next)) work%is_next = work%is_open
+            if (.not. has_order) call let_come_next(work, work%is_open .and. .not. is_last)
+            has_order = .true.
             n_turned = 0
             do
                 call choose_pivot(work, u, pivot)
@@ -127,7 +132,8 @@ contains
                 else if (u > 0) then
                     exit
                 else if (any(work%is_open .and. .not. work%is_next)) then
-                    work%is_next = work%is_open        ! what was to come last costs operations now, but no sample
+                    call let_come_next(work, (work%is_open))   ! what was to come last costs operations now, but no sample
+                    has_order = .false.
                 else
                     call give_up_a_sample(work, found)
                     if (.not. found) return
@@ -136,6 +142,7 @@ contains
             elimination%determinant = elimination%determinant*entry_of(work%row(pivot%row), u)
             call apply_pivot(work, u, pivot%row, step(n_step), elimination%watched)
             is_used(pivot%row) = .true.
+            if (work%winner(1) == 0 .and. work%stale%n == 0) has_order = .false.   ! all that were next are solved for
         end do
         if (present(is_free)) then
             call find_states(step, is_free, elimination%state)
@@ -160,9 +167,15 @@ contains
         work%record => open_record_of_thread()
         work%n_sample = work%record%n_sample
         allocate (work%row(size(row)), work%column(n_column), work%scale(size(row)), work%is_open(n_column), &
-                  work%turned_for(size(row)), work%best(n_column), work%is_stale(n_column), work%is_active(work%n_sample))
+                  work%turned_for(size(row)), work%best(n_column), work%is_stale(n_column), work%is_active(work%n_sample), &
+                  work%is_next(n_column), work%stale%item(n_column))
+        do while (work%n_leaf < n_column)
+            work%n_leaf = 2*work%n_leaf
+        end do
+        allocate (work%winner(2*work%n_leaf - 1))
         work%turned_for = 0
         work%is_open = .true.
+        work%is_next = .false.
         work%is_stale = .true.
         work%is_active = .true.
         do i = 1, size(row)
@@ -205,27 +218,90 @@ contains
 
     ! ---------------------------------------------------------------- choosing
 
+    !> Look for pivots in some of the columns; in all that are open, if these are none.
+    subroutine let_come_next(work, is_next)
+        type(work_type), intent(inout) :: work
+        logical, intent(in) :: is_next(:)              !! (column)
+        integer :: u, k
+
+        work%is_next = is_next
+        if (.not. any(is_next)) work%is_next = work%is_open
+        work%stale%n = 0
+        work%winner = 0
+        do u = 1, size(work%column)
+            if (.not. work%is_next(u)) cycle
+            if (work%is_stale(u)) then
+                call append(work%stale, u)
+            else
+                work%winner(work%n_leaf - 1 + u) = entrant(work, u)
+            end if
+        end do
+        do k = work%n_leaf - 1, 1, -1
+            work%winner(k) = better_of(work, work%winner(2*k), work%winner(2*k + 1))
+        end do
+    end subroutine let_come_next
+
+    !> The best pivot of a column must be looked for again.
+    subroutine note_stale(work, u)
+        type(work_type), intent(inout) :: work
+        integer, intent(in) :: u
+
+        if (work%is_stale(u)) return
+        work%is_stale(u) = .true.
+        if (work%is_next(u)) call append(work%stale, u)
+    end subroutine note_stale
+
     !> The column and its row that cost least, of those whose pivots keep their sign, if there are any.
     subroutine choose_pivot(work, chosen, pivot)
         type(work_type), intent(inout) :: work
         integer, intent(out) :: chosen                 !! 0: no column has an acceptable pivot
         type(candidate), intent(out) :: pivot
-        integer :: u
+        integer :: k, u
 
-        chosen = 0
-        do u = 1, size(work%column)
-            if (.not. work%is_next(u)) cycle
-            if (work%is_stale(u)) then
-                call find_best(work, u)
-                work%is_stale(u) = .false.
-            end if
-            if (work%best(u)%cost == unacceptable) cycle
-            if (chosen == 0 .or. is_better(work%best(u), pivot)) then
-                chosen = u
-                pivot = work%best(u)
-            end if
+        do k = 1, work%stale%n
+            u = work%stale%item(k)
+            if (work%is_next(u)) call find_best(work, u)
+            work%is_stale(u) = .false.
+            call compete(work, u)
         end do
+        work%stale%n = 0
+        chosen = work%winner(1)
+        if (chosen > 0) pivot = work%best(chosen)
     end subroutine choose_pivot
+
+    !> Who wins now that a column has another best pivot, or is solved for.
+    subroutine compete(work, u)
+        type(work_type), intent(inout) :: work
+        integer, intent(in) :: u
+        integer :: place
+
+        place = work%n_leaf - 1 + u
+        work%winner(place) = entrant(work, u)
+        do while (place > 1)
+            place = place/2
+            work%winner(place) = better_of(work, work%winner(2*place), work%winner(2*place + 1))
+        end do
+    end subroutine compete
+
+    !> The column, if it has a pivot to offer.
+    pure integer function entrant(work, u)
+        type(work_type), intent(in) :: work
+        integer, intent(in) :: u
+
+        entrant = 0
+        if (work%is_next(u) .and. work%best(u)%cost /= unacceptable) entrant = u
+    end function entrant
+
+    !> The first of two columns, unless the second one's pivot is better.
+    pure integer function better_of(work, u, v)
+        type(work_type), intent(in) :: work
+        integer, intent(in) :: u, v                    !! 0: none
+
+        better_of = max(u, v)
+        if (min(u, v) == 0) return
+        better_of = u
+        if (is_better(work%best(v), work%best(u))) better_of = v
+    end function better_of
 
     pure logical function is_better(a, b)
         type(candidate), intent(in) :: a, b
@@ -406,12 +482,12 @@ contains
 
             do k = 1, work%row(i)%n
                 call remove(work%column(work%row(i)%column(k)), i)
-                work%is_stale(work%row(i)%column(k)) = .true.
+                call note_stale(work, work%row(i)%column(k))
             end do
             work%row(i) = new
             do k = 1, new%n
                 call append(work%column(new%column(k)), i)
-                work%is_stale(new%column(k)) = .true.
+                call note_stale(work, new%column(k))
             end do
             call find_scale(work, i)
             if (work%scale(i) > 1/no_pivot) work%scale(i) = 1     ! of scaled rows nothing is left but rounding
@@ -440,6 +516,7 @@ contains
         end do
         work%is_active(minloc(best, dim=1, mask=work%is_active)) = .false.
         work%is_stale = .true.
+        call let_come_next(work, (work%is_next))
     end subroutine give_up_a_sample
 
     ! ---------------------------------------------------------------- doing
@@ -477,9 +554,11 @@ contains
         end do
         do k = 1, work%row(i)%n
             call remove(work%column(work%row(i)%column(k)), i)
-            work%is_stale(work%row(i)%column(k)) = .true.
+            call note_stale(work, work%row(i)%column(k))
         end do
         work%is_open(u) = .false.
+        work%is_next(u) = .false.
+        call compete(work, u)
         step%row = work%row(i)
     end subroutine apply_pivot
 
@@ -509,7 +588,7 @@ contains
         work%row(t)%right = work%row(t)%right - l*pivot_row%right
         work%turned_for(t) = 0
         do k = 1, work%row(t)%n
-            work%is_stale(work%row(t)%column(k)) = .true.
+            call note_stale(work, work%row(t)%column(k))
         end do
     end subroutine take_out
 
