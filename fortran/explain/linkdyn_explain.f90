@@ -563,7 +563,8 @@ contains
                 write (unit, "(2x,a)") "no pivots good enough at the representative poses; every sample goes to the dense solver"
             end if
         end associate
-        write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3, int64), " flops a pose"
+        write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3, int64), &
+            " flops a pose"
         call free_equations(equations)
         call explain_record(model, poses, unit)
     end subroutine explain_equations

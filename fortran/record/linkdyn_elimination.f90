@@ -11,7 +11,7 @@
 module linkdyn_elimination
     use linkdyn_folding, only: product_in_any_order
     use linkdyn_kinds, only: wp
-    use linkdyn_record, only: record_type, open_record_of_thread
+    use linkdyn_record, only: record_type, open_record_of_thread, number_of, numbers_at
     use linkdyn_value, only: value, zero, one, is_zero, is_one, is_constant, reciprocal, constant, &
         operator(+), operator(-), operator(*), square
     implicit none (type, external)
@@ -162,7 +162,7 @@ contains
         type(sparse_row), intent(inout) :: row(:)
         integer, intent(in) :: n_column
         type(work_type), intent(inout) :: work
-        integer :: i, k, s
+        integer :: i, k
 
         work%record => open_record_of_thread()
         work%n_sample = work%record%n_sample
@@ -182,9 +182,7 @@ contains
             work%row(i) = row(i)
             do k = 1, row(i)%n
                 call append(work%column(row(i)%column(k)), i)
-                do s = 1, work%n_sample
-                    if (.not. abs(work%record%number(s, row(i)%entry(k)%node)) <= huge(1.0_wp)) work%is_active(s) = .false.
-                end do
+                where (.not. size_of(work, row(i)%entry(k)) <= huge(1.0_wp)) work%is_active = .false.
             end do
         end do
         do i = 1, size(row)
@@ -208,12 +206,12 @@ contains
     end subroutine find_scale
 
     !> Magnitudes at the representative samples.
-    pure function size_of(work, v) result(x)
+    function size_of(work, v) result(x)
         type(work_type), intent(in) :: work
         type(value), intent(in) :: v
         real(wp) :: x(work%n_sample)
 
-        x = abs(work%record%number(:, v%node))
+        x = abs(numbers_at(work%record, v%node))
     end function size_of
 
     ! ---------------------------------------------------------------- choosing
@@ -374,7 +372,7 @@ contains
         c%cost = cost
         c%quality = minval(m, mask=work%is_active)/max(tiny(1.0_wp), maxval(m, mask=work%is_active))
         c%row = i
-        associate (number => work%record%number(:, pivot%node))
+        associate (number => number_of(pivot))
             c%has_both_signs = any(number > 0 .and. work%is_active) .and. any(number < 0 .and. work%is_active)
         end associate
     end subroutine judge

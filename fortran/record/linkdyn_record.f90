@@ -1,7 +1,8 @@
 !> A record: the program of a scene as a straight line of arithmetic, written down while the physics is traced.
 !>
-!> A node is one operation on results of earlier nodes. Equal operations are one node. Every node carries its numbers at
-!> a few representative samples, computed when it is made: whoever has to choose (a pivot, a branch) looks at these.
+!> A node is one operation on results of earlier nodes. Equal operations are one node. Every node has numbers at a few
+!> representative samples: whoever has to choose (a pivot, a branch) looks at these. They are computed when they are first asked for,
+!> since most nodes are steps on the way to others, and nobody ever asks.
 !> Constants are kept in quadruple precision and rounded once, when the record is run.
 !>
 !> One record a thread is open at a time; the operators of `linkdyn_value` write to it.
@@ -9,13 +10,13 @@ module linkdyn_record
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer
     use, intrinsic :: iso_fortran_env, only: int64, real128
     use linkdyn_kinds, only: wp
-    use linkdyn_operation, only: operate, is_look_up, op_constant, op_input, op_unknown
+    use linkdyn_operation, only: operate, n_operand, is_look_up, op_constant, op_input, op_unknown
     use linkdyn_piecewise, only: piecewise_curve, look_up, curve_of, which_of
     implicit none (type, external)
     private
     public :: value, record_type, open_record, close_record, open_record_of_thread
     public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node, known_node, add_curve
-    public :: is_constant, is_zero, is_one, number_of, constant_of, declare_inverse, negated
+    public :: is_constant, is_zero, is_one, number_of, numbers_at, constant_of, declare_inverse, negated
 
     integer, parameter :: first_capacity = 1024     !! nodes; doubled when full, a power of two
 
@@ -35,7 +36,9 @@ module linkdyn_record
         integer, allocatable :: operand(:, :)       !! (3, node); of a constant, an input, an unknown: its index; the third of a
                                                     !! look-up: of which curve what (see `look_at`)
         integer, allocatable :: inverse(:)          !! (node) what it is the reciprocal of, with a sign; 0: not known
-        real(wp), allocatable :: number(:, :)       !! (sample, node)
+        integer, private :: n_known = 0
+        integer, allocatable, private :: place(:)   !! (node) of its numbers; 0: not computed yet
+        real(wp), allocatable, private :: number(:, :)          !! at the representative samples (sample, place)
         real(real128), allocatable :: constant(:)   !! (constant)
         integer, allocatable :: node_of_unknown(:)  !! (unknown)
         integer, allocatable :: node_of_input(:)    !! (input)
@@ -75,16 +78,17 @@ contains
         record%n_input = 0
         record%n_unknown = 0
         record%n_constant = 0
+        record%n_known = 0
         record%n_sample = n_sample
         record%node_of_zero = 0
         record%node_of_one = 0
-        if (allocated(record%kind)) deallocate (record%kind, record%operand, record%inverse, record%number, record%constant, &
-                                                record%table, record%node_of_unknown, record%node_of_input)
+        if (allocated(record%kind)) deallocate (record%kind, record%operand, record%inverse, record%place, record%number, &
+                                                record%constant, record%table, record%node_of_unknown, record%node_of_input)
         if (allocated(record%curve)) deallocate (record%curve)
         allocate (record%curve(0))
         allocate (record%kind(first_capacity), record%operand(3, first_capacity), record%inverse(first_capacity), &
-                  record%number(n_sample, first_capacity), record%constant(first_capacity/8), record%table(4*first_capacity), &
-                  record%node_of_unknown(64), record%node_of_input(64))
+                  record%place(first_capacity), record%number(n_sample, first_capacity/2), record%constant(first_capacity/8), &
+                  record%table(4*first_capacity), record%node_of_unknown(64), record%node_of_input(64))
         record%table = 0
         record%outer = current_record()
         call set_current_record(c_loc(record))
@@ -145,16 +149,18 @@ contains
         real(wp), intent(in) :: number(:)           !! at the representative samples, or one for all
         type(value) :: v
         type(record_type), pointer :: record
+        integer :: place
 
         record => open_record_of_thread()
         record%n_input = record%n_input + 1
         v%node = append(record, op_input, [record%n_input, 0, 0])
         if (record%n_input > size(record%node_of_input)) record%node_of_input = [record%node_of_input, record%node_of_input]
         record%node_of_input(record%n_input) = v%node
+        place = new_place(record, v%node)
         if (size(number) == record%n_sample) then
-            record%number(:, v%node) = number
+            record%number(:, place) = number
         else
-            record%number(:, v%node) = number(1)
+            record%number(:, place) = number(1)
         end if
     end function new_input
 
@@ -190,7 +196,6 @@ contains
         if (record%n_unknown > size(record%node_of_unknown)) &
             record%node_of_unknown = [record%node_of_unknown, record%node_of_unknown]
         record%node_of_unknown(record%n_unknown) = v%node
-        record%number(:, v%node) = 0
     end function new_unknown
 
     ! ---------------------------------------------------------------- nodes
@@ -200,23 +205,10 @@ contains
         type(record_type), intent(inout) :: record
         integer, intent(in) :: kind                 !! one of `op_*` with operands
         integer, intent(in) :: operand(3)           !! nodes; 0 where the operation takes none; the third of a look-up: in what
-        integer :: node, place, s, o(3)
+        integer :: node
 
-        place = place_of(record, kind, operand)
-        node = record%table(place)
-        if (node > 0) return
-        node = append(record, kind, operand)
-        o = max(operand, 1)
-        if (is_look_up(kind)) then
-            do s = 1, record%n_sample
-                record%number(s, node) = look_up(record%curve(curve_of(operand(3))), kind, which_of(operand(3)), &
-                                                 record%number(s, o(1)), record%number(s, o(2)))
-            end do
-            return
-        end if
-        do s = 1, record%n_sample
-            record%number(s, node) = operate(kind, record%number(s, o(1)), record%number(s, o(2)), record%number(s, o(3)))
-        end do
+        node = record%table(place_of(record, kind, operand))
+        if (node == 0) node = append(record, kind, operand)
     end function find_node
 
     !> The node of an operation if it has been made; 0: it has not.
@@ -244,7 +236,6 @@ contains
         if (record%n_constant > size(record%constant)) record%constant = [record%constant, record%constant]
         record%constant(record%n_constant) = abs(x)
         v%node = append(record, op_constant, [record%n_constant, 0, 0])
-        record%number(:, v%node) = real(abs(x), wp)
         if (x == 0) record%node_of_zero = v%node
         if (abs(x) == 1) record%node_of_one = v%node
     end function constant_in_quad
@@ -261,25 +252,25 @@ contains
         record%kind(node) = kind
         record%operand(:, node) = operand
         record%inverse(node) = 0
+        record%place(node) = 0
         record%table(free_place(record, hash_of_node(record, node))) = node
     end function append
 
     subroutine grow(record)
         type(record_type), intent(inout) :: record
-        integer, allocatable :: kind(:), operand(:, :), inverse(:)
-        real(wp), allocatable :: number(:, :)
+        integer, allocatable :: kind(:), operand(:, :), inverse(:), place(:)
         integer :: n, i
 
         n = size(record%kind)
-        allocate (kind(2*n), operand(3, 2*n), inverse(2*n), number(record%n_sample, 2*n))
+        allocate (kind(2*n), operand(3, 2*n), inverse(2*n), place(2*n))
         kind(:n) = record%kind
         operand(:, :n) = record%operand
         inverse(:n) = record%inverse
-        number(:, :n) = record%number
+        place(:n) = record%place
         call move_alloc(kind, record%kind)
         call move_alloc(operand, record%operand)
         call move_alloc(inverse, record%inverse)
-        call move_alloc(number, record%number)
+        call move_alloc(place, record%place)
         deallocate (record%table)
         allocate (record%table(8*n))
         record%table = 0
@@ -287,6 +278,93 @@ contains
             record%table(free_place(record, hash_of_node(record, i))) = i
         end do
     end subroutine grow
+
+    ! ---------------------------------------------------------------- numbers at the representative samples
+
+    !> Those of a node. A stack instead of recursion, since records are long.
+    function numbers_at(record, node) result(x)
+        type(record_type), intent(inout) :: record
+        integer, intent(in) :: node
+        real(wp) :: x(record%n_sample)
+        integer, allocatable :: stack(:)
+        integer :: n, n_before
+
+        if (record%place(node) == 0) then
+            stack = [node]
+            n = 1
+            do while (n > 0)
+                n_before = n
+                if (record%place(stack(n)) == 0) call ask_for_operands(record, stack, n)
+                if (n > n_before) cycle
+                if (record%place(stack(n)) == 0) call compute(record, stack(n))
+                n = n - 1
+            end do
+        end if
+        x = record%number(:, record%place(node))
+    end function numbers_at
+
+    !> Operands of the node on top that are not known yet come before it.
+    subroutine ask_for_operands(record, stack, n)
+        type(record_type), intent(in) :: record
+        integer, allocatable, intent(inout) :: stack(:)
+        integer, intent(inout) :: n
+        integer :: i, node, operand
+
+        node = stack(n)
+        do i = 1, n_operand(record%kind(node))
+            operand = record%operand(i, node)
+            if (record%place(operand) > 0) cycle
+            n = n + 1
+            if (n > size(stack)) stack = [stack, stack]
+            stack(n) = operand
+        end do
+    end subroutine ask_for_operands
+
+    !> The numbers of a node whose operands have theirs.
+    subroutine compute(record, node)
+        type(record_type), intent(inout) :: record
+        integer, intent(in) :: node
+        integer :: place, s, o(3)
+
+        place = new_place(record, node)
+        associate (kind => record%kind(node), operand => record%operand(:, node), number => record%number)
+            if (kind == op_constant) then
+                number(:, place) = real(record%constant(operand(1)), wp)
+                return
+            else if (kind == op_unknown) then
+                number(:, place) = 0
+                return
+            end if
+            o = record%place(operand(1))
+            o(:n_operand(kind)) = record%place(operand(:n_operand(kind)))
+            if (is_look_up(kind)) then
+                do s = 1, record%n_sample
+                    number(s, place) = look_up(record%curve(curve_of(operand(3))), kind, which_of(operand(3)), number(s, o(1)), &
+                                               number(s, o(2)))
+                end do
+            else
+                do s = 1, record%n_sample
+                    number(s, place) = operate(kind, number(s, o(1)), number(s, o(2)), number(s, o(3)))
+                end do
+            end if
+        end associate
+    end subroutine compute
+
+    function new_place(record, node) result(place)
+        type(record_type), intent(inout) :: record
+        integer, intent(in) :: node
+        integer :: place
+        real(wp), allocatable :: number(:, :)
+
+        if (record%n_known == size(record%number, 2)) then
+            allocate (number(record%n_sample, 2*record%n_known))
+            number(:, :record%n_known) = record%number
+            call move_alloc(number, record%number)
+        end if
+        record%n_known = record%n_known + 1
+        place = record%n_known
+        record%place(node) = place
+    end function new_place
 
     ! ---------------------------------------------------------------- finding nodes
 
@@ -432,7 +510,7 @@ contains
         type(record_type), pointer :: record
 
         record => open_record_of_thread()
-        x = v%sign*record%number(:record%n_sample, v%node)
+        x = v%sign*numbers_at(record, v%node)
     end function number_of
 
     impure elemental function negated(v) result(w)
