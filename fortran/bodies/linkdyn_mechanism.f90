@@ -6,7 +6,7 @@ module linkdyn_mechanism
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
-    use linkdyn_joint_table, only: joint_cam, is_geared
+    use linkdyn_joint_table, only: joint_cam, is_geared, is_partial
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, step_ups, side_of, has_rod, rod_of, inner_of_rod, outer_of_rod, &
         universal_of_rod, only_shifts, turns_in_two
@@ -200,6 +200,8 @@ contains
                 call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
                 if (joint(j)%kind == joint_cam) &
                     call take_cam(mechanism%model%scene%joint(joint(j)%told)%cam, mechanism%model%is_planar, mechanism%kind(j))
+                ! what is left of a slide slides as it does
+                if (is_partial(joint(j)%kind)) mechanism%kind(j)%is%slides = mechanism%told_kind(j)%is%slides
                 if (.not. mechanism%kind(j)%is%is_threaded) cycle
                 mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
                 mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch

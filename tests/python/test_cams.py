@@ -479,3 +479,22 @@ def test_no_speed_comes_of_a_lift_that_is_gone(half: float) -> None:
     assert not run.status.values.any()
     np.testing.assert_allclose(run.qd.values[:, 0], SPEED, rtol=1e-3)
     np.testing.assert_allclose(run.q.values[:, 0], turned, rtol=0, atol=3e-2)
+
+
+@pytest.mark.parametrize("follower", ["roller", "flat", "point"])
+@pytest.mark.parametrize("height", ["10 mm", "60 mm"])
+def test_motion_of_an_oblique_lever(follower: str, height: str) -> None:
+    """Velocity and acceleration of its marker are those of its positions, however far beside the cam's plane it is."""
+    text = (Path(__file__).parents[1] / "scenes" / "flat_cam_3d.toml").read_text().replace("axis = [0.1, 1, 0.05]", "axis = [0.3, 1, 0.1]").replace('"10 mm", "-35 mm"', f'"{height}", "-35 mm"')
+    radius = 'radius = "8 mm"' if follower == "roller" else ""
+    text = text.replace("coulomb = 0.1", 'coulomb = 0.1\nradius = "3 mm"' if radius else "coulomb = 0.1")
+    scene = linkdyn.Scene(text.replace('follower = "flat"', f'follower = "{follower}"\n{radius}'))
+    step, steps = 1e-4, np.arange(-3, 4)
+    for instant in (0.05, 0.13):
+        run = scene.inverse(t=instant + step * steps)
+        assert (run.status == 0).all()
+        told = run.linkdyn.marker("lever.face")
+        velocity = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60 @ told.position.values / step
+        acceleration = np.array([2, -27, 270, -490, 270, -27, 2]) / 180 @ told.position.values / step**2
+        np.testing.assert_allclose(told.velocity[3], velocity, atol=1e-9 * np.abs(velocity).max())
+        np.testing.assert_allclose(told.acceleration[3], acceleration, atol=1e-7 * np.abs(acceleration).max())

@@ -18,7 +18,7 @@ from .._cycle.averages import good_samples
 from .._pose import poses_of
 from ..errors import InputError
 from ..scene import Scene
-from .cams import Curve, contact_of
+from .cams import Contact, Curve, contact_of
 from .postures import placed_poses
 from .wheels import is_geared
 
@@ -231,7 +231,8 @@ def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:
         case "screw":
             return [*(pair.apart(e) for e in across), *(pair.turning(e) for e in across), pair.advance(joint["lead"])]
         case "cam":
-            return [pair.rising(joint) if joint["barrel"] else pair.touching(motion, joint)]
+            rate = pair.rising if joint["barrel"] else pair.pressed if joint["follower"] == "flat" else pair.touching
+            return [rate(joint)]
     raise AssertionError(joint["type"])
 
 
@@ -284,22 +285,42 @@ class _Pair:
         factors = (gap.factors[0] - part * turn.factors[0], gap.factors[1] - part * turn.factors[1])
         return Rows(gap.links, factors, gap.drift - part * turn.drift)
 
-    def touching(self, motion: LinkMotion, cam: dict[str, Any]) -> Rows:
-        """Rate of the gap between follower and cam. To second order a roller's centre goes on a circle fixed in the cam, and
-        a face is touched by one."""
-        places = [motion.position[:, link] + arm for link, arm in zip((self.first, self.second), self.arms)]
-        contact = contact_of(cam, places[0], self.frame(), places[1], self.axes[1])
-        e, flat = contact.normal, cam["follower"] == "flat"
-        meets = contact.point - (contact.round[:, np.newaxis] * e if flat else 0.0)
-        arms = [meets - motion.position[:, link] for link in (self.first, self.second)]
+    def touching(self, cam: dict[str, Any]) -> Rows:
+        """Rate of the gap between follower and cam. To second order a roller's centre, or a point, goes on a circle fixed in the cam."""
+        contact, speed, inward = self._touch(cam)
+        e, axis = contact.normal, self.axes[0]
+        along = speed - _dot(speed, e)[:, np.newaxis] * e - _dot(speed, axis)[:, np.newaxis] * axis
+        drift = _dot(inward, e) + contact.round * _dot(along, along)
+        first, second = (np.cross(arm, e) for arm in (self.arms[0] + self.gap, self.arms[1]))
+        return Rows((self.first, self.second), (np.hstack([-e, -first]), np.hstack([e, second])), drift)
+
+    def pressed(self, cam: dict[str, Any]) -> Rows:
+        """The same of a face, whose trace in the cam's plane touches a circle fixed in the cam. The trace turns with the spin about
+        ``across``, not about the axis alone: that of a face which leans turns with the spin about the normal, too.
+        """
+        contact, speed, inward = self._touch(cam)
+        e, axis = contact.normal, self.axes[0]
+        way = np.cross(axis, e)
+        upwards = _dot(self.axes[1], axis)
+        lean = upwards / np.sqrt(1 - upwards**2)
+        across = axis + lean[:, np.newaxis] * e
+        spin = self.spins[1] - self.spins[0]
+        turn, sideways = _dot(across, spin), _dot(way, spin)
+        arm = _dot(self.gap - contact.point, way)
+        turning = (1 + lean**2) * sideways * _dot(e, spin) + lean * turn * sideways    # of `across`, seen from the cam, about the spin
+        drift = _dot(inward, e) + 2 * turn * _dot(way, speed) - turn**2 * contact.round
+        drift = drift + arm * (turning - _dot(across, np.cross(self.spins[0], self.spins[1])))
+        first, second = (np.cross(at, e) + arm[:, np.newaxis] * across for at in (self.arms[0] + self.gap, self.arms[1]))
+        return Rows((self.first, self.second), (np.hstack([-e, -first]), np.hstack([e, second])), drift)
+
+    def _touch(self, cam: dict[str, Any]) -> tuple[Contact, Vectors, Vectors]:
+        """Contact as seen from the cam's marker, and speed and acceleration of the follower's as the cam sees them, while both links
+        gain none."""
+        contact = contact_of(cam, np.zeros_like(self.gap), self.frame(), self.gap, self.axes[1])
         first, second = self.spins
-        speed = motion.velocity[:, self.second] + np.cross(second, arms[1]) - motion.velocity[:, self.first] - np.cross(first, arms[0])
-        inward = np.cross(second, np.cross(second, arms[1])) - np.cross(first, np.cross(first, arms[0]))
-        drift = _dot(inward, e) - 2 * _dot(np.cross(second if flat else first, speed), e)
-        if not flat:
-            along = speed - _dot(speed, e)[:, np.newaxis] * e - _dot(speed, self.axes[0])[:, np.newaxis] * self.axes[0]
-            drift = drift + contact.round * _dot(along, along)
-        return Rows((self.first, self.second), (np.hstack([-e, -np.cross(arms[0], e)]), np.hstack([e, np.cross(arms[1], e)])), drift)
+        speed = self.gap_rate - np.cross(first, self.gap)
+        inward = np.cross(second, np.cross(second, self.arms[1])) - np.cross(first, np.cross(first, self.arms[0] + self.gap))
+        return contact, speed, inward - 2 * np.cross(first, speed)
 
     def rising(self, cam: dict[str, Any]) -> Rows:
         """Rate of the height of a follower above a curve round a drum. To second order that is a parabola over the angle, fixed in the cam."""
