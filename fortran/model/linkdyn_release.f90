@@ -29,7 +29,7 @@ module linkdyn_release
         joint_key, joint_thread
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: lend_texts, take_texts_back
-    use linkdyn_model, only: model_type, gear_type
+    use linkdyn_model, only: model_type, arm_type, gear_type
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: plan_null_space
     use linkdyn_open_directions, only: open_part_of, whole_part
@@ -115,7 +115,8 @@ contains
         end do
         call note_shares(model, pose)
         model%share%may_gape = size(best) > size(sure)
-        call check_stiffness(model, pose(1), status)
+        call check_arms(model, status)
+        if (status%is_ok()) call check_stiffness(model, pose(1), status)
         is_released = .true.
 
     contains
@@ -160,6 +161,39 @@ contains
         end do
         model%share = like%share
     end subroutine release_alike
+
+    !> A beam ends at one joint: what two do to one end bends it together, and of joints that share nothing it is not asked.
+    subroutine check_arms(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        integer :: a, b
+
+        do a = 1, size(model%arm)
+            do b = 1, a - 1
+                if (.not. end_together(model%arm(b), model%arm(a))) cycle
+                associate (first => model%arm(b)%joint, second => model%arm(a)%joint, scene => model%scene)
+                    if (.not. any(model%share%joint == first .or. model%share%joint == second)) cycle
+                    call fail(status, status_bad_input, "redundancy = 'stiffness': link " &
+                              //quoted(scene%link(scene%joint(second)%link(model%arm(a)%side))%name) &
+                              //" is 'elastic', and joints "//quoted(scene%joint(first)%name)//" and " &
+                              //quoted(scene%joint(second)%name)//" hold it at one marker (expected a marker for each, with a " &
+                              //"beam of its own, or for both a massless link that a fixed joint welds there)")
+                end associate
+                return
+            end do
+        end do
+
+    contains
+
+        pure logical function end_together(one, other)
+            type(arm_type), intent(in) :: one, other
+
+            associate (a => model%scene%joint(one%joint), b => model%scene%joint(other%joint))
+                end_together = a%link(one%side) == b%link(other%side) .and. a%marker(one%side) == b%marker(other%side) &
+                               .and. a%marker(one%side) > 0
+            end associate
+        end function end_together
+    end subroutine check_arms
 
     !> Is there a stiffness in every state of self-stress?
     subroutine check_stiffness(model, pose, status)

@@ -424,3 +424,26 @@ def test_rows_of_letters() -> None:
     scene["chain"][0]["links"][1]["elastic"]["from"] = "P"
     with pytest.raises(linkdyn.SceneError, match="'P' is no marker of link 'leg1.link2' .expected the name alone, one of 'R1', 'R2'"):
         linkdyn.Scene(scene)
+
+
+def bars(hub: bool) -> dict[str, Any]:
+    """Two alike, pinned together at both ends, on a hinge; 100 N along the second at its middle."""
+    bar = {"mass": 1, "cog": [0.5, 0], "inertia": 0.1, "elastic": {"E": 210e9, "area": 1e-4}}
+    links = [{"name": "beam", **bar, "markers": {"O": [0, 0], "P": [1, 0]}}, {"name": "bar", **bar, "markers": {"O": [0, 0], "P": [1, 0], "W": [0.5, 0]}}]
+    joints = [{"name": name, "type": "revolute", "between": ends} for name, ends in (("O", ["beam.O", "bar.O"]), ("P", ["beam.P", "bar.P"]))]
+    foot = "beam.O"
+    if hub:
+        links.append({"name": "hub", "mass": 0, "inertia": 0, "markers": {"O": [0, 0]}})
+        joints.append({"name": "weld", "type": "fixed", "between": ["hub.O", "beam.O"]})
+        joints[0]["between"][0] = foot = "hub.O"
+    joints.append({"name": "F", "type": "revolute", "between": ["frame.O", foot]})
+    return {"space": "planar", "redundancy": "stiffness", "frame": {"markers": {"O": [0, 0]}}, "link": links, "joint": joints,
+            "coordinate": [{"joint": "F"}], "actuator": [{"joint": "F"}], "load": [{"on": "bar.W", "force": [100, 0]}]}
+
+
+def test_two_joints_at_one_end_of_a_beam_are_refused() -> None:
+    """What both do bends it together. On a hub they come in one: then 100 N goes to the foot by three lengths of bar beside one."""
+    with pytest.raises(linkdyn.SceneError, match="'beam' is 'elastic', and joints 'O' and 'F' hold it at one marker"):
+        linkdyn.Scene(bars(False))
+    run = linkdyn.Scene(bars(True)).inverse([[0.0]])
+    assert abs(run.reaction.sel(joint="P").values[0, 0]) == pytest.approx(25, rel=1e-9)
