@@ -4,7 +4,8 @@ module linkdyn_drive_forward
     use linkdyn_cli, only: command_line
     use linkdyn_clock, only: seconds_since
     use linkdyn_load_model, only: load_model
-    use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
+    use linkdyn_event_sides, only: sort_by_events
+    use linkdyn_event_words, only: event_in_words
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, tolerance_in_words, &
         rounding_in_words, method_name
@@ -16,10 +17,10 @@ module linkdyn_drive_forward
         note_events, close_results, exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: n_event
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, add_events_to_summary
     use linkdyn_summary_text, only: print_summary, failure_text
     use linkdyn_terminal, only: show_stage, show_share, say
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: to_text
     use linkdyn_forward_errors, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached
     implicit none (type, external)
@@ -70,7 +71,7 @@ contains
         end if
         if (.not. config%quiet) then
             call print_summary(model, watched%layout, summary, config%solver, config%options%threads, seconds, &
-                               output%name, unit)
+                               output%name, unit, watched%run%system%way%log)
             call print_statistics(watched%run, unit)
         end if
         exit_status = exit_done
@@ -97,6 +98,7 @@ contains
         options%wants_rcond = config%wanted%rcond
         options%switches = config%switches
         options%threads = config%options%threads
+        options%sees_events = .true.
     end function options_of
 
     !> Instants of output: the scene's, unless the command says otherwise.
@@ -168,11 +170,26 @@ contains
         end do
         call show_stage("writing")
         call note_run(watched%run, output, status)
-        call note_events(watched%run%own%scene, watched%run%system%way%log, output, status)
+        call note_events(watched%run%own%scene, watched%run%system%way%log, watched%sides, output, status)
+        call add_sides(watched, summary)
         call note_roads(summary%roads, output, status)
         call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
     end subroutine run_blocks
+
+    !> What stands beside events is no sample, but may be the largest.
+    subroutine add_sides(watched, summary)
+        type(watched_run), intent(in) :: watched
+        type(summary_type), intent(inout) :: summary
+        type(block_type) :: block
+
+        if (.not. allocated(watched%sides%block%of)) return
+        associate (log => watched%run%system%way%log)
+            if (log%n == 0) return
+            call sort_by_events(watched%sides, log%entry(:log%n)%beside, block)
+            call add_events_to_summary(watched%sides%layout, block, log%entry(:log%n)%t, summary)
+        end associate
+    end subroutine add_sides
 
     !> How the run went, for the file.
     subroutine note_run(run, output, status)
@@ -224,36 +241,6 @@ contains
                     event_in_words(run%own, log%entry(i))
             end do
             if (log%n > most) write (unit, "(a)") "                   ... "//to_text(log%n)//" in all"
-            if (log%n > 0) write (unit, "(a)") &
-                "                   just before and behind them forces may be larger than those of samples"
         end associate
     end subroutine print_events
-
-    !> "0.45152 s impact 'floor.min', 7.97 N s, 7.06 J lost"
-    function event_in_words(model, entry) result(text)
-        type(model_type), intent(in) :: model
-        type(event_entry), intent(in) :: entry
-        character(len=:), allocatable :: text
-
-        text = to_text(entry%t)//" s "//trim(kind_name(entry%kind))//" "//quoted(model%scene%event(entry%event)%name)
-        if (entry%kind == kind_crossing) text = text//trim(merge(" up  ", " down", entry%direction > 0))
-        if (entry%impulse > 0) text = text//", "//to_text(entry%impulse)//" "//unit_of_impulse(model, entry)
-        if (entry%loss > 0) text = text//", "//to_text(entry%loss)//" J lost"
-    end function event_in_words
-
-    pure function unit_of_impulse(model, entry) result(unit)
-        type(model_type), intent(in) :: model
-        type(event_entry), intent(in) :: entry
-        character(len=:), allocatable :: unit
-
-        associate (event => model%scene%event(entry%event))
-            if (event%clutch > 0) then
-                unit = trim(merge("N s  ", "N m s", model%scene%clutch(event%clutch)%unit == "N"))
-                return
-            end if
-        end associate
-        associate (stop => model%scene%stop(model%scene%event(entry%event)%stop))
-            unit = trim(merge("N s  ", "N m s", model%scene%laws%measure(stop%measure)%length_power == 1))
-        end associate
-    end function unit_of_impulse
 end module linkdyn_drive_forward

@@ -3,6 +3,7 @@
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_cylinder_laws, only: cylinder_force
+    use linkdyn_event_sides, only: n_side
     use linkdyn_kinds, only: wp
     use linkdyn_result_kinds, only: result_time, result_driving_force, result_motor_torque, result_reaction, result_status, &
         result_assembly, result_torque_margin, result_joint_variable, result_contact_force, result_controller_limited
@@ -14,7 +15,7 @@ module linkdyn_summary
     use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, join_summaries
+    public :: summary_type, start_summary, add_to_summary, add_events_to_summary, join_summaries
     public :: peak_type, event_type, error_peak_type, range_type, excess_type
 
     real(wp), parameter :: touch = 1.0e-9_wp             !! [m, rad] a motion that ends at a stop is not beyond it
@@ -26,6 +27,7 @@ module linkdyn_summary
         real(wp) :: noted = 0    !! the value at `time`: that, but for rounding
         real(wp) :: time = 0
         integer :: place = 0     !! joint
+        integer :: beside = 0    !! it is just before or behind an event, sample of these; 0: it is a sample of the run
         logical :: is_set = .false.
     end type peak_type
 
@@ -116,15 +118,23 @@ contains
         real(wp), intent(in) :: t                    !! [s]
         logical, intent(in) :: is_good               !! a sample that failed has no values, but its time
         type(range_type), intent(inout) :: range
-        integer :: k
 
         call add_sample(t, is_good, value**2, range%square)
-        if (.not. is_good) return
-        do k = 1, size(value)
-            call raise_peak(-value(k), t, k, range%lowest(k))
-            call raise_peak(value(k), t, k, range%highest(k))
-        end do
+        if (is_good) call widen_range(value, t, range)
     end subroutine add_to_range
+
+    pure subroutine widen_range(value, t, range, beside)
+        real(wp), intent(in) :: value(:)
+        real(wp), intent(in) :: t                    !! [s]
+        type(range_type), intent(inout) :: range
+        integer, intent(in), optional :: beside      !! as of `raise_peak`
+        integer :: k
+
+        do k = 1, size(value)
+            call raise_peak(-value(k), t, k, range%lowest(k), beside)
+            call raise_peak(value(k), t, k, range%highest(k), beside)
+        end do
+    end subroutine widen_range
 
     subroutine join_ranges(part, whole)
         type(range_type), intent(in) :: part
@@ -142,7 +152,7 @@ contains
         type(peak_type), intent(in) :: later
         type(peak_type), intent(inout) :: peak
 
-        if (later%is_set) call raise_peak(later%value, later%time, later%place, peak)
+        if (later%is_set) call raise_peak(later%value, later%time, later%place, peak, later%beside)
     end subroutine join_peaks
 
     !> A place for the largest error of a result in each of its units.
@@ -222,10 +232,7 @@ contains
             do k = 1, size(summary%lift)
                 if (press(k, i) < -rounding*maxval(abs(reaction(:n_force, :, i)))) call count_event(time(i), summary%lift(k))
             end do
-            do k = 1, size(reaction, 2)
-                call raise_peak(sum(reaction(:n_force, k, i)**2), time(i), k, summary%force)
-                call raise_peak(sum(reaction(n_force + 1:, k, i)**2), time(i), k, summary%moment)
-            end do
+            call raise_reactions(n_force, reaction(:, :, i), time(i), summary)
         end do
 
     contains
@@ -245,6 +252,46 @@ contains
             end do
         end subroutine note_cylinders
     end subroutine add_to_summary
+
+    subroutine raise_reactions(n_force, reaction, t, summary, beside)
+        integer, intent(in) :: n_force               !! components that are forces; the others are moments
+        real(wp), intent(in) :: reaction(:, :)       !! (component, joint)
+        real(wp), intent(in) :: t                    !! [s]
+        type(summary_type), intent(inout) :: summary
+        integer, intent(in), optional :: beside      !! as of `raise_peak`
+        integer :: k
+
+        do k = 1, size(reaction, 2)
+            call raise_peak(sum(reaction(:n_force, k)**2), t, k, summary%force, beside)
+            call raise_peak(sum(reaction(n_force + 1:, k)**2), t, k, summary%moment, beside)
+        end do
+    end subroutine raise_reactions
+
+    !> Take in what is just before and just behind the events of a run: it takes no time, but may be the largest. Behind all blocks
+    !> of samples.
+    subroutine add_events_to_summary(layout, block, instant, summary)
+        type(layout_type), intent(in) :: layout      !! of the results on both sides
+        type(block_type), intent(in), target :: block    !! two samples an event
+        real(wp), intent(in) :: instant(:)           !! of the events [s]
+        type(summary_type), intent(inout) :: summary
+        real(wp), pointer :: force(:, :), torque(:, :), reaction(:, :, :)
+        integer, pointer :: code(:)
+        integer :: i, n
+
+        n = n_side*size(instant)
+        call view_values(layout, result_status, n, block, code)
+        call view_values(layout, result_driving_force, n, block, force)
+        call view_values(layout, result_motor_torque, n, block, torque)
+        call view_values(layout, result_reaction, n, block, reaction)
+        do i = 1, n
+            if (code(i) /= sample_ok) cycle
+            associate (t => instant(1 + (i - 1)/n_side))
+                if (associated(force)) call widen_range(force(:, i), t, summary%drive, i)
+                if (associated(torque)) call widen_range(torque(:, i), t, summary%motor, i)
+                if (associated(reaction)) call raise_reactions(merge(2, 3, layout%planar), reaction(:, :, i), t, summary, i)
+            end associate
+        end do
+    end subroutine add_events_to_summary
 
     !> When the samples are: their instants, or their numbers where they have none.
     function instants_of(layout, block, n, summary) result(time)
@@ -467,10 +514,11 @@ contains
 
     !> Note a peak; of values that are alike but for rounding, as a symmetric motion has, the first: which of them is the largest
     !> differs from machine to machine.
-    pure subroutine raise_peak(value, time, place, peak)
+    pure subroutine raise_peak(value, time, place, peak, beside)
         real(wp), intent(in) :: value, time
         integer, intent(in) :: place
         type(peak_type), intent(inout) :: peak
+        integer, intent(in), optional :: beside        !! see there; absent: a sample of the run
         real(wp), parameter :: alike = 1.0e-12_wp      !! thousands of roundings, and no digit that is printed
 
         if (peak%is_set) then
@@ -478,6 +526,7 @@ contains
             peak%value = value
             if (value <= peak%noted + alike*abs(peak%noted)) return
         end if
-        peak = peak_type(value, value, time, place, .true.)
+        peak = peak_type(value=value, noted=value, time=time, place=place, is_set=.true.)
+        if (present(beside)) peak%beside = beside
     end subroutine raise_peak
 end module linkdyn_summary

@@ -3,6 +3,8 @@ module linkdyn_summary_text
     use linkdyn_choice, only: choices_in_words, sharing_in_words
     use linkdyn_code, only: code_in_use
     use linkdyn_columns, only: significant, left, right
+    use linkdyn_event_log, only: event_log
+    use linkdyn_event_words, only: side_in_words
     use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, drives_share
@@ -21,7 +23,7 @@ module linkdyn_summary_text
 contains
 
     !> The table.
-    subroutine print_summary(model, layout, summary, solver, threads, seconds, output, unit)
+    subroutine print_summary(model, layout, summary, solver, threads, seconds, output, unit, log)
         type(model_type), intent(in) :: model
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(in) :: summary
@@ -30,6 +32,7 @@ contains
         real(wp), intent(in) :: seconds          !! spent computing
         character(len=*), intent(in) :: output       !! file written
         integer, intent(in) :: unit
+        type(event_log), intent(in), optional :: log !! of a forward run
         integer :: n_solved
 
         if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
@@ -38,9 +41,11 @@ contains
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         n_solved = max(1, summary%n_sample - summary%failure%n)
         if (summary%has_force) &
-            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, summary%has_time, unit)
+            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, summary%has_time, unit, &
+                             model, log)
         if (size(summary%motor%lowest) > 0) then
-            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, summary%has_time, unit)
+            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, summary%has_time, &
+                             unit, model, log)
         end if
         if (summary%has_reaction) then
             write (unit, "(a)") ""
@@ -100,6 +105,15 @@ contains
             end do
         end subroutine print_lifts
 
+        !> ", just before impact 'floor.min'"; blank of a sample.
+        function beside_in_words(peak) result(text)
+            type(peak_type), intent(in) :: peak
+            character(len=:), allocatable :: text
+
+            text = ""
+            if (peak%beside > 0 .and. present(log)) text = ", "//side_in_words(model, log, peak%beside)
+        end function beside_in_words
+
         subroutine print_reaction(what, unit_name, peak, least)
             character(len=*), intent(in) :: what, unit_name
             type(peak_type), intent(in) :: peak
@@ -111,7 +125,8 @@ contains
                 return
             end if
             write (unit, "(a)") "  "//what//"  "//right(significant(sqrt(peak%value)), 12)//" "//unit_name//"  at "// &
-                trim(layout%dimension(dim_joint)%label(peak%place))//", "//instant(peak%time, summary%has_time)
+                trim(layout%dimension(dim_joint)%label(peak%place))//", "//instant(peak%time, summary%has_time)// &
+                beside_in_words(peak)
         end subroutine print_reaction
     end subroutine print_summary
 
@@ -131,13 +146,17 @@ contains
         end do
     end function named_units
 
-    subroutine print_range(title, name, range, has_time, unit)
+    !> Extremes and rms values. Those that stand beside events have a mark, which is explained below.
+    subroutine print_range(title, name, range, has_time, unit, model, log)
         character(len=*), intent(in) :: title
         character(len=*), intent(in) :: name(:)
         type(range_type), intent(in) :: range
         logical, intent(in) :: has_time              !! as of the summary
         integer, intent(in) :: unit
+        type(model_type), intent(in) :: model
+        type(event_log), intent(in), optional :: log !! of a forward run
         integer, parameter :: number_width = 12, time_width = 10
+        character(len=:), allocatable :: beside
         real(wp) :: rms(size(name))
         integer :: k, width
 
@@ -155,10 +174,50 @@ contains
             write (unit, "(a)") "  "//left(name(k), width)// &
                 right(significant(-range%lowest(k)%value), number_width)// &
                 right(reading(range%lowest(k)%time, has_time), time_width)// &
-                right(significant(range%highest(k)%value), number_width)// &
+                mark(range%lowest(k))//behind_mark(range%highest(k)%value)// &
                 right(reading(range%highest(k)%time, has_time), time_width)// &
-                right(significant(rms(k)), number_width)
+                mark(range%highest(k))//behind_mark(rms(k))
         end do
+        beside = ""
+        if (present(log)) call explain_marks()
+        if (beside /= "") write (unit, "(a)") "  * "//beside
+
+    contains
+
+        !> Of an instant that is no sample's.
+        pure character function mark(peak)
+            type(peak_type), intent(in) :: peak
+
+            mark = merge("*", " ", peak%beside > 0)
+        end function mark
+
+        !> A number in its column but for the first letter, which is blank.
+        pure function behind_mark(value) result(text)
+            real(wp), intent(in) :: value
+            character(len=:), allocatable :: text
+
+            text = right(significant(value), number_width)
+            text = text(2:)
+        end function behind_mark
+
+        subroutine explain_marks()
+            do k = 1, size(name)
+                call add_words(range%lowest(k))
+                call add_words(range%highest(k))
+            end do
+        end subroutine explain_marks
+
+        !> What stands beside an event, each once.
+        subroutine add_words(peak)
+            type(peak_type), intent(in) :: peak
+            character(len=:), allocatable :: words
+
+            if (peak%beside == 0) return
+            words = instant(peak%time, has_time)//": "//side_in_words(model, log, peak%beside)
+            if (index(beside//"; ", words//"; ") > 0) return
+            if (beside /= "") beside = beside//"; "
+            beside = beside//words
+        end subroutine add_words
     end subroutine print_range
 
     !> The largest estimated errors with their places; which of them is the worst beside the largest value of its kind.

@@ -6,7 +6,7 @@
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_result_kinds, only: result_name, result_words, result_name_len, result_words_len, result_q, result_qd, &
+    use linkdyn_result_kinds, only: result_name, result_words, result_name_len, result_words_len, jumps, result_q, result_qd, &
         result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_power_imbalance, result_time, result_driving_force_error, result_reaction_error, result_kinetic_energy, &
@@ -33,10 +33,11 @@ module linkdyn_results
     public :: describe_results, choose_wanted, refuse_absent, all_wanted, add_free, prepare_block, view_values, &
         find_driving_power, flag_unsound
     public :: find_motor_loads, view_motor_loads
-    public :: variable_index, samples_width, label_len
+    public :: variable_index, samples_width, label_len, layout_of_jumps
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
         dim_cam, dim_controller, dim_strand, dim_clutch, dim_cylinder, dim_chamber, n_dimension
     public :: estimated, estimate_of, label_of_value
+    public :: event_prefix, event_side, beside_words
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -66,6 +67,11 @@ module linkdyn_results
                                           result_joint_rate]
     integer, parameter :: estimate_of(6) = [result_q_error, result_qd_error, result_qdd_error, result_driving_force_error, &
                                             result_reaction_error, result_joint_rate_error]
+
+    ! ---- results that jump where something happens in a run, told on both sides of it
+    character(len=*), parameter :: event_prefix = "event_"         !! of their names
+    character(len=6), parameter :: event_side(2) = [character(len=6) :: "before", "behind"]
+    character(len=*), parameter :: beside_words = ", just before and behind the event"    !! behind their meaning
 
     ! ---- what the user may ask for
     character(len=20), parameter :: wanted_name(13) = [character(len=20) :: &
@@ -619,6 +625,16 @@ contains
         if (wanted%joint_variable) call add(layout, result_joint_rate_error, of=[dim_variable], &
             units=per(layout%dimension(dim_variable)%unit, "/s"))
     end subroutine describe_run_errors
+
+    !> Of a layout what jumps where something happens in a run.
+    pure function layout_of_jumps(layout) result(part)
+        type(layout_type), intent(in) :: layout
+        type(layout_type) :: part
+        integer :: i
+
+        part = layout
+        part%variable = layout%variable(pack([(i, i=1, size(layout%variable))], jumps(layout%variable%id)))
+    end function layout_of_jumps
 
     !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
     subroutine add(layout, id, unit, of, units, flag)

@@ -19,6 +19,7 @@ module linkdyn_f2py_api
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_event_log, only: event_log
+    use linkdyn_event_sides, only: sort_by_events
     use linkdyn_ensemble, only: run_ensemble
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, tolerance_in_words, &
         rounding_in_words, default_method, &
@@ -62,7 +63,7 @@ module linkdyn_f2py_api
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads, &
               api_attitudes, api_sampling
-    public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
+    public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_event_results, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_simulator_pressures, api_keep_simulator, api_put_simulator_back, api_close_state
@@ -687,6 +688,7 @@ contains
             options%integrator%span = t_end - t_start
             options%switches = switches == 1
             options%listens = .true.
+            options%sees_events = .true.
             options%threads = threads
             options%wants_reactions = wanted%reaction
             options%wants_rcond = wanted%rcond
@@ -727,7 +729,7 @@ contains
         type(status_type) :: status
         type(block_type) :: block
         type(road_counts) :: taken
-        integer :: i, place, whole_place
+        integer :: i
 
         n_done = 0
         reached = 0
@@ -743,30 +745,13 @@ contains
         call take_run(run_handle, here, status)
         if (status%is_ok()) then
             call prepare_block(here%watched%layout, n, block)
-            place = 0
-            whole_place = 0
-            do i = 1, size(block%of)
-                if (allocated(block%of(i)%real)) place = place + size(block%of(i)%real)
-                if (allocated(block%of(i)%integer)) whole_place = whole_place + size(block%of(i)%integer)
-            end do
-            call check_size("values", int(n_values, int64), place, 1, status)
-            call check_size("numbers", int(n_numbers, int64), whole_place, 1, status)
+            call check_rows(block, n_values, n_numbers, status)
         end if
         if (status%is_ok()) then
             call advance_watched(here%watched, t, block, taken, i, seconds)
             n_done = i
             roads = [taken%closed, taken%iterated, taken%dense]
-            place = 0
-            whole_place = 0
-            do i = 1, size(block%of)
-                if (allocated(block%of(i)%integer)) then
-                    numbers(whole_place + 1:whole_place + size(block%of(i)%integer)) = block%of(i)%integer
-                    whole_place = whole_place + size(block%of(i)%integer)
-                else
-                    values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
-                    place = place + size(block%of(i)%real)
-                end if
-            end do
+            call flatten(block, values, numbers)
             associate (integrator => here%watched%run%integrator)
                 statistics = [integrator%n_step, integrator%n_rejected, integrator%n_evaluation]
             end associate
@@ -815,6 +800,69 @@ contains
         call leave_run(run_handle, here)
         call report(status, code, message)
     end subroutine api_events
+
+    !> Results on both sides of the events that have come so far: of each variable that jumps, in the order of the description.
+    subroutine api_event_results(run_handle, n, n_values, values, n_numbers, numbers, code, message)
+        integer(c_intptr_t), intent(in) :: run_handle
+        integer(c_int), intent(in) :: n, n_values, n_numbers
+        real(c_double), intent(inout) :: values(n_values)  ! real variable after real variable (width, side, n)
+        integer(c_int), intent(inout) :: numbers(n_numbers)    ! the same of the whole numbers
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_run), pointer :: here
+        type(status_type) :: status
+        type(block_type) :: block
+
+        call take_run(run_handle, here, status)
+        if (status%is_ok()) then
+            associate (log => here%watched%run%system%way%log, sides => here%watched%sides)
+                if (n > log%n) call fail(status, status_bad_input, "there are fewer events than that")
+                if (.not. allocated(sides%block%of)) call fail(status, status_bad_input, "nobody has looked at the events")
+                if (status%is_ok()) call sort_by_events(sides, log%entry(:n)%beside, block)
+            end associate
+        end if
+        if (status%is_ok()) call check_rows(block, n_values, n_numbers, status)
+        if (status%is_ok()) call flatten(block, values, numbers)
+        call leave_run(run_handle, here)
+        call report(status, code, message)
+    end subroutine api_event_results
+
+    !> A block as two rows, of its real values and its whole numbers.
+    subroutine flatten(block, values, numbers)
+        type(block_type), intent(in) :: block
+        real(c_double), intent(inout) :: values(:)
+        integer(c_int), intent(inout) :: numbers(:)
+        integer :: i, place, whole_place
+
+        place = 0
+        whole_place = 0
+        do i = 1, size(block%of)
+            if (allocated(block%of(i)%integer)) then
+                numbers(whole_place + 1:whole_place + size(block%of(i)%integer)) = block%of(i)%integer
+                whole_place = whole_place + size(block%of(i)%integer)
+            else
+                values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
+                place = place + size(block%of(i)%real)
+            end if
+        end do
+    end subroutine flatten
+
+    !> Refuse rows that a block does not fill.
+    subroutine check_rows(block, n_values, n_numbers, status)
+        type(block_type), intent(in) :: block
+        integer(c_int), intent(in) :: n_values, n_numbers
+        type(status_type), intent(inout) :: status
+        integer :: i, place, whole_place
+
+        place = 0
+        whole_place = 0
+        do i = 1, size(block%of)
+            if (allocated(block%of(i)%real)) place = place + size(block%of(i)%real)
+            if (allocated(block%of(i)%integer)) whole_place = whole_place + size(block%of(i)%integer)
+        end do
+        call check_size("values", int(n_values, int64), place, 1, status)
+        call check_size("numbers", int(n_numbers, int64), whole_place, 1, status)
+    end subroutine check_rows
 
     !> End a run; nothing happens to one that was ended before.
     subroutine api_finish(run_handle)

@@ -6,6 +6,7 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, gear_type, shared_reactions, gives_attitude, attitude_angles, step_pose, &
         step_parts
+    use linkdyn_result_kinds, only: jumps, is_made_of_forces
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
         load_spec, marker_spec, spring_spec, stop_spec, cam_spec, follower_name, measure_joint, &
@@ -426,7 +427,7 @@ contains
             pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))
         if (variable%length > 0) text = text//","//pair("length", number(variable%length))
         if (variable%is_integer) text = text//","//pair("flags", strings(variable%flag))
-        text = text//"}"
+        text = text//","//pair("jumps", logical_value(jumps(variable%id) .and. any(is_made_of_forces(layout%variable%id))))//"}"
     end function variable_object
 
     function motor_object(actuator) result(text)

@@ -28,6 +28,7 @@ module linkdyn_event_log
         integer :: direction = 0                   !! +1: the guard crossed upwards, -1: downwards
         real(wp) :: impulse = 0                    !! of the stop [N s, N m s]
         real(wp) :: loss = 0                       !! of energy, of all impacts at the instant, told with the first [J]
+        integer :: beside = 0                      !! instant whose results on both sides are its; 0: none are kept
         real(wp), allocatable :: q(:)              !! coordinates (n_q)
         real(wp), allocatable :: qd(:), qd_after(:)    !! their rates, before and behind the instant (n_q)
     end type event_entry

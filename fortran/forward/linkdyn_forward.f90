@@ -185,7 +185,7 @@ contains
     !>
     !> Where an event ends the run, the last sample is at its instant, which `results%time` has, and none follows.
     subroutine advance_forward(run, instants, results, n_done, seconds)
-        type(forward_run), intent(inout) :: run
+        type(forward_run), intent(inout), target :: run
         real(wp), intent(in) :: instants(:)            !! [s] (n)
         type(forward_results), intent(inout) :: results
         integer, intent(out) :: n_done                 !! instants dealt with
@@ -209,7 +209,7 @@ contains
                 if (.not. run%good_until > merge(run%t_given, instants(max(1, i - 1)), i == 1)) exit
                 call end_samples_here(run, i, samples)
             end if
-            call add_sample(run, i, samples, results)
+            call add_sample(run, run%output, i, samples, results)
             n_reached = i
             if (run%is_over) exit
         end do
@@ -223,7 +223,7 @@ contains
     !> Go to an output instant. Samples that wait are evaluated before the phase changes. What the run has failed of stays to be
     !> told.
     subroutine lead_to(run, i, samples, results)
-        type(forward_run), intent(inout) :: run
+        type(forward_run), intent(inout), target :: run
         integer, intent(in) :: i                       !! sample
         type(output_samples), intent(inout) :: samples
         type(forward_results), intent(inout) :: results

@@ -12,7 +12,7 @@ module linkdyn_forward_block
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
-    public :: advance_block
+    public :: advance_block, open_block, complete_block
 
 contains
 
@@ -26,14 +26,29 @@ contains
         integer, intent(out) :: n_done                !! instants dealt with; the others of the block are not filled
         real(wp), intent(in), optional :: seconds     !! come back after about that time
         type(forward_results) :: results
-        real(wp), pointer :: time(:), speed(:, :), power(:, :)
-        real(wp), allocatable, target :: brake(:, :)  ! if it is not among the results
+        real(wp), pointer :: time(:)
+        real(wp), allocatable, target :: brake(:, :)
+
+        call view_values(layout, result_time, size(t), block, time)
+        call open_block(run, layout, size(t), block, brake, results)
+        time = t
+        results%time => time
+        call advance_forward(run, t, results, n_done, seconds)
+        roads = results%forces%roads
+        call complete_block(layout, n_done, block, results)
+    end subroutine advance_block
+
+    !> Let the results of samples go where a block keeps them.
+    subroutine open_block(run, layout, n, block, brake, results)
+        type(forward_run), intent(in) :: run
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n                      !! samples
+        type(block_type), intent(in), target :: block
+        real(wp), allocatable, target, intent(out) :: brake(:, :)    !! room for them, if they are not among the results
+        type(forward_results), intent(inout) :: results
         !> The run's estimates are made afterwards, and speeds follow from the joints'.
         integer, parameter :: elsewhere(3) = [result_driving_speed, result_driving_force_error, result_reaction_error]
-        integer :: n
 
-        n = size(t)
-        call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_q, n, block, results%q)
         call view_values(layout, result_qd, n, block, results%qd)
         call view_values(layout, result_work, n, block, results%work)
@@ -48,8 +63,6 @@ contains
         call view_values(layout, result_clutch_state, n, block, results%clutch_state)
         call view_values(layout, result_cylinder_pressure, n, block, results%pressure)
         call view_values(layout, result_cylinder_flow, n, block, results%flow)
-        call view_values(layout, result_driving_speed, n, block, speed)
-        call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_brake_torque, n, block, results%brake)
         if (.not. associated(results%brake)) then
             allocate (brake(size(run%model%motor), n))
@@ -58,17 +71,24 @@ contains
         call put_into_block(layout, n, block, elsewhere, results%forces)
         call results%forces%add(run%model, result_driving_force, n)
         call results%forces%add(run%model, result_joint_rate, n)
-        time = t
-        results%time => time
-        call advance_forward(run, t, results, n_done, seconds)
-        roads = results%forces%roads
+    end subroutine open_block
+
+    !> What follows from the results of samples that are done, and the last look at them. Nothing is put there any more.
+    subroutine complete_block(layout, n, block, results)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n                      !! samples done
+        type(block_type), intent(inout), target :: block
+        type(forward_results), intent(inout) :: results
+        real(wp), pointer :: speed(:, :), power(:, :)
+
+        call view_values(layout, result_driving_speed, n, block, speed)
+        call view_values(layout, result_driving_power, n, block, power)
         if (associated(power)) &
-            call find_driving_power(layout, found(result_driving_force), found(result_joint_rate), speed(:, :n_done), &
-                                    power(:, :n_done))
+            call find_driving_power(layout, found(result_driving_force), found(result_joint_rate), speed, power)
         call view_motor_loads(layout, found(result_driving_force), found(result_transmission_force), found(result_joint_rate), &
-                              n_done, block, results%brake(:, :n_done))
+                              n, block, results%brake(:, :n))
         call results%forces%free()
-        call flag_unsound(layout, n_done, block)
+        call flag_unsound(layout, n, block)
 
     contains
 
@@ -78,7 +98,7 @@ contains
             real(wp), pointer, contiguous :: found(:, :)
 
             nullify (found)
-            if (results%forces%wants(id)) found => results%forces%of(id)%x(:, :n_done)
+            if (results%forces%wants(id)) found => results%forces%of(id)%x(:, :n)
         end function found
-    end subroutine advance_block
+    end subroutine complete_block
 end module linkdyn_forward_block

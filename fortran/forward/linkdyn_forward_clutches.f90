@@ -89,6 +89,7 @@ contains
         end do
         if (all(is_closed .eqv. self%way%clutch%is_closed)) return
         none = .false.
+        call self%show_side(spread(t, 1, lanes), y, is_behind=.false.)
         call engage(self, spread(t, 1, lanes), y, is_closed, none)
         if (present(is_changed)) is_changed = .true.
     end procedure switch_now

@@ -38,9 +38,9 @@ contains
     end subroutine start_integrator
 
     !> Integrate to t, stopping at every kink on the way. The run comes back before its phase changes if it `wants_outputs`: call
-    !> again.
+    !> again. Who witnesses events looks at the run meanwhile.
     subroutine go_to(run, t)
-        type(forward_run), intent(inout) :: run
+        type(forward_run), intent(inout), target :: run
         real(wp), intent(in) :: t
 
         character(len=:), allocatable :: reason
@@ -67,7 +67,7 @@ contains
 
     !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
     subroutine advance_to(run, t)
-        type(forward_run), intent(inout) :: run
+        type(forward_run), intent(inout), target :: run
         real(wp), intent(in) :: t
         real(wp) :: kink
 

@@ -8,6 +8,7 @@
 !> docs/theory.md gives the reasoning, docs/accuracy.md how well the estimates hold.
 module linkdyn_forward_errors
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf, ieee_is_nan
+    use linkdyn_event_sides, only: event_sides, watch_events
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
     use linkdyn_integrator, only: tightened
@@ -50,6 +51,7 @@ module linkdyn_forward_errors
     type :: watched_run
         type(forward_run) :: run
         type(layout_type) :: layout                    !! of its results
+        type(event_sides) :: sides                     !! results beside what happens, if somebody wants them
         type(companion_type), allocatable :: companion(:)    !! none: no estimate is wanted
         integer :: n_pending = 0                       !! instants that companions have yet to reach
         type(road_counts) :: roads                     !! theirs
@@ -64,7 +66,7 @@ contains
         type(model_type), intent(in), target :: model  !! must outlive the run
         type(forward_options), intent(in) :: options
         type(wanted_type), intent(in) :: wanted
-        type(watched_run), intent(inout) :: watched
+        type(watched_run), intent(inout), target :: watched    !! must stay where it is while the run lasts
         type(status_type), intent(inout) :: status
         type(wanted_type) :: needed
         integer :: i
@@ -75,6 +77,7 @@ contains
         if (.not. status%is_ok()) return
         call describe_results(model%scene, wanted, .true., watched%layout, is_forward=.true., dyad=dyad_names(model), &
                               follows_assembly=follows_assembly(model))
+        if (options%sees_events) call watch_events(watched%run, watched%layout, watched%sides)
         needed = wanted_type(wanted%driving_force, wanted%reaction, wanted%joint_variable, power=.false., checks=.false., &
                              friction=.false.)
         do i = 1, size(watched%companion)
@@ -98,6 +101,7 @@ contains
         own = options
         nullify (own%shared)                           ! of other numbers
         own%events_end = .false.
+        own%sees_events = .false.
         own%integrator = tightened(options%integrator)
         own%integrator%step = own%integrator%step/step_part(i)    ! of adaptive methods the first one, from which the others grow
         own%integrator%rtol = other_tolerance(own%integrator%rtol, i)

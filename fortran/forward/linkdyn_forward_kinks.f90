@@ -7,6 +7,7 @@ module linkdyn_forward_kinks
     use linkdyn_forward_system, only: forward_system
     use linkdyn_integrator, only: integrator_type
     use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: rows_over_time
     use linkdyn_laws, only: law_kinks
     use linkdyn_model, only: model_type
@@ -55,7 +56,10 @@ contains
             call system%control_now(kink, y)
             call system%switch_now(kink, y, is_changed)
         end if
-        if (is_changed) call integrator%go_on_from(system, y)
+        if (is_changed) then
+            call integrator%go_on_from(system, y)
+            call system%show_side(spread(kink, 1, lanes), y, is_behind=.true.)
+        end if
         where (system%way%is_driven_through) integrator%failed = .true.
         call integrator%reset()
         kinks%passed = kink

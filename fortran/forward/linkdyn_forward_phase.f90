@@ -31,6 +31,7 @@ module linkdyn_forward_phase
         logical :: switches = .true.                   !! a coordinate at its dead point is exchanged for another joint variable
         integer :: threads = 1
         logical :: events_end = .true.                 !! an event whose `do` is "stop" ends the run; false: it is noted
+        logical :: sees_events = .false.               !! results are wanted on both sides of what happens, too
         logical :: by_record = .true.                  !! rates by a record of the scene, where it has one; false: by lanes alone
         logical :: listens = .false.                   !! Ctrl-C of the program that called us is a pause, too
         type(shared_programs), pointer :: shared => null()    !! of the model's records, by whoever runs it again; null: nobody does

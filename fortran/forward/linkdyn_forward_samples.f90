@@ -121,26 +121,28 @@ contains
     end subroutine end_samples_here
 
     !> The next sample, to which the run has come. It may wait for others.
-    subroutine add_sample(run, i, samples, results)
+    subroutine add_sample(run, y, i, samples, results)
         type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: y(:, :)                !! solution there (lane, n of the system)
         integer, intent(in) :: i
         type(output_samples), intent(inout) :: samples
         type(forward_results), intent(inout) :: results
 
-        if (samples%first == 0 .or. samples%phase /= run%phase) call begin_phase(run, i, samples, results)
+        if (samples%first == 0 .or. samples%phase /= run%phase) call begin_phase(run, y, i, samples, results)
         samples%is_lost(i) = run%integrator%is_lost
         if (samples%is_lost(i) .or. run%has_stopped) call take_samples(run, i - 1, samples, results)
         samples%n_waiting = samples%n_waiting + 1
         samples%are_there = .not. run%has_stopped .or. run%is_over
-        samples%waiting(samples%n_waiting, :) = run%output(1, :)
+        samples%waiting(samples%n_waiting, :) = y(1, :)
         samples%last_step(samples%n_waiting) = run%integrator%last_step
         call run%system%leave_standing_here(samples%t(i), samples%n_waiting, samples%standing)
         if (.not. may_wait(run, samples, i)) call take_samples(run, i, samples, results)
     end subroutine add_sample
 
     !> The run has entered another phase before sample i: the samples of the one before are complete.
-    subroutine begin_phase(run, i, samples, results)
+    subroutine begin_phase(run, y, i, samples, results)
         type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: y(:, :)                !! solution there (lane, n of the system)
         integer, intent(in) :: i
         type(output_samples), intent(inout) :: samples
         type(forward_results), intent(inout) :: results
@@ -148,7 +150,7 @@ contains
 
         call take_samples(run, i - 1, samples, results)
         call find_forces(run, i - 1, samples, results)
-        samples%waiting = run%output
+        samples%waiting = y
         samples%standing = unknown
         samples%first = i
         samples%phase = run%phase

@@ -64,7 +64,7 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, forward_memory, standing_lanes, build_forward_system
+    public :: forward_system, forward_memory, standing_lanes, event_witness, build_forward_system
 
 
     !> Where states that are evaluated later set out from, a state a lane.
@@ -73,6 +73,23 @@ module linkdyn_forward_system
         real(wp), allocatable :: turns(:, :)           !! of angles that are not in y (lane, n)
         type(followed_from) :: of_joints               !! their angles, if somebody has asked for them
     end type standing_lanes
+
+    !> Who looks at a run just before and just behind the instants at which something happens.
+    type, abstract :: event_witness
+    contains
+        procedure(see_side), deferred :: see
+    end type event_witness
+
+    abstract interface
+        !> The system stands on one side of such an instant.
+        subroutine see_side(self, t, y, is_behind)
+            import :: event_witness, wp
+            class(event_witness), intent(inout) :: self
+            real(wp), intent(in) :: t                  !! [s]
+            real(wp), intent(in) :: y(:, :)            !! (lane, n)
+            logical, intent(in) :: is_behind
+        end subroutine see_side
+    end interface
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -97,6 +114,7 @@ module linkdyn_forward_system
         type(model_type), pointer :: own => null()     !! with the coordinates that events are told in; null: model
         logical :: may_end = .true.                    !! an event that ends runs ends this one
         integer :: n_told = 1                          !! lanes whose events are told
+        class(event_witness), pointer :: witness => null()    !! of the first of them; null: nobody looks
         type(followed_angles), private :: of_joints    !! that are results; empty: nobody has asked
         type(held_accelerations) :: held               !! of what stops and clutches hold, at the state in the workspace
         ! ---- the record
@@ -138,6 +156,7 @@ module linkdyn_forward_system
         procedure :: evaluate_guards => evaluate_events
         procedure :: survey => survey_events
         procedure :: meet_crossings => meet_events
+        procedure :: show_side => show_side_of_event
         procedure :: meet_stops
         procedure :: meet_touched_stops
         procedure :: begin_with_clutches
@@ -590,6 +609,16 @@ contains
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine begin
 
+    !> Something happens: whoever looks at that sees this side of it.
+    subroutine show_side_of_event(self, t, y, is_behind)
+        class(forward_system), intent(inout), target :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_behind
+
+        if (associated(self%witness)) call self%witness%see(t(1), y, is_behind)
+    end subroutine show_side_of_event
+
     !> By the kinetic energy of the state evaluated last on the lanes the work of drives is judged, which counts from zero.
     subroutine note_energy(self)
         class(forward_system), intent(inout) :: self
@@ -613,6 +642,7 @@ contains
         self%of_joints = other%of_joints
         if (wraps_anywhere(self%of_joints)) call need_look(self)
         self%own => other%own
+        self%witness => other%witness
         self%beside(self%layout%work) = other%beside(other%layout%work)
         self%per_place(self%layout%work) = other%per_place(other%layout%work)
         self%is_book(self%layout%work) = other%is_book(other%layout%work)

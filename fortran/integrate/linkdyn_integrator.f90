@@ -485,6 +485,7 @@ contains
             has_changed = .false.
             is_over = .false.
             if (any(is_hit)) then
+                call system%show_side(t, y, is_behind=.false.)
                 call system%meet_crossings(t, y, self%has_crossed, has_changed, is_over)
                 if (any(has_changed)) call system%accept(t, y, has_changed)
                 do k = 1, system%n
@@ -494,6 +495,7 @@ contains
                 if (any(is_over)) self%reason = stop_event
             end if
             if (.not. self%are_far) call note_sides(system, t, y, self%has_crossed)
+            if (any(is_hit)) call system%show_side(t, y, is_behind=.true.)
             call take_turns_off(self, system, y)
             length = merge(t_next - t, 0.0_wp, is_hit)
             n_idle = merge(0, n_idle + 1, any(t > t_before))
@@ -765,6 +767,7 @@ contains
         instant = self%t
         self%is_at_crossing = .false.
         self%are_far = .false.
+        call system%show_side(instant, y, is_behind=.false.)
         call system%meet_crossings(instant, y, self%has_crossed, has_changed, is_over)
         if (has_changed(1)) then
             call system%accept(instant, y, has_changed)
@@ -776,6 +779,7 @@ contains
             end if
         end if
         call note_sides(system, instant, y, self%has_crossed)
+        call system%show_side(instant, y, is_behind=.true.)
         self%failed = is_over
         if (all(is_over)) self%reason = stop_event
     end subroutine meet

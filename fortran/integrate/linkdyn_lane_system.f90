@@ -66,6 +66,7 @@ module linkdyn_lane_system
         procedure :: evaluate_guards
         procedure :: survey
         procedure :: meet_crossings
+        procedure :: show_side
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
         procedure, non_overridable :: evaluate_first, evaluate_spread
@@ -263,6 +264,15 @@ contains
         has_changed = .false.
         is_over = .false.
     end subroutine meet_crossings
+
+    !> Something happens at the accepted state: this is where the system stands just before, or just behind. For systems that tell
+    !> what is there; nothing of the steps may hang on it.
+    subroutine show_side(self, t, y, is_behind)
+        class(lane_system), intent(inout), target :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)                   !! (lane, n)
+        logical, intent(in) :: is_behind
+    end subroutine show_side
 
     !> The integrator goes on from y: for systems that remember where they are. Rates tried before count no more.
     subroutine accept(self, t, y, is_accepted)

@@ -9,7 +9,7 @@ module linkdyn_netcdf_writer
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, variable_index, dim_sample, &
-        n_dimension
+        n_dimension, event_prefix, event_side, beside_words
     use linkdyn_result_kinds, only: result_time
     use linkdyn_status, only: status_type
     use netcdf, only: nf90_create, nf90_inq_dimid, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, &
@@ -17,7 +17,8 @@ module linkdyn_netcdf_writer
         nf90_int, nf90_global, nf90_noerr, nf90_unlimited
     implicit none (type, external)
     private
-    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, note_netcdf, close_netcdf
+    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, put_event_sides, note_netcdf, &
+        close_netcdf
     public :: open_netcdf, abandon_netcdf, put_attributes, put_strings, check, chunk_length
 
     integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
@@ -153,9 +154,10 @@ contains
             call put_whole("event_kind", "what happened", [(entry(i)%kind, i=1, log%n)])
             call put_whole("event_direction", "1: the number crossed zero upwards, -1: downwards", &
                            [(entry(i)%direction, i=1, log%n)])
-            call put_numbers("event_impulse", "impulse of the stop", "N s or N m s", &
+            call put_numbers("event_impulse", "impulse of the stop or clutch", "N s or N m s", &
                              [(real(entry(i)%impulse, real64), i=1, log%n)])
-            call put_numbers("event_loss", "energy lost in the impact", "J", [(real(entry(i)%loss, real64), i=1, log%n)])
+            call put_numbers("event_loss", "energy lost in the impact, or by closing the clutch", "J", &
+                             [(real(entry(i)%loss, real64), i=1, log%n)])
             allocate (table(size(entry(1)%q), log%n))
             do i = 1, log%n
                 table(:, i) = real(entry(i)%q, real64)
@@ -214,6 +216,49 @@ contains
             if (units /= "") call check(nf90_put_att(writer%id, id, "units", units), writer, status)
         end subroutine describe
     end subroutine put_event_table
+
+    !> Results on both sides of what has happened: of each variable that jumps, behind the table of events.
+    subroutine put_event_sides(layout, n, block, writer, status)
+        type(layout_type), intent(in) :: layout      !! of these
+        integer, intent(in) :: n                     !! events
+        type(block_type), intent(in) :: block        !! two samples an event, before and behind
+        type(netcdf_writer), intent(in) :: writer
+        type(status_type), intent(inout) :: status
+        integer :: i, k, id, side, dims(4), counts(4), n_dim
+
+        if (.not. status%is_ok()) return
+        call check(nf90_def_dim(writer%id, "side", size(event_side), side), writer, status)
+        call put_strings("side", event_side, side, writer, status)
+        do i = 1, size(layout%variable)
+            associate (variable => layout%variable(i))
+                n_dim = variable%n_dim + 1
+                do k = 2, variable%n_dim
+                    associate (dimension => layout%dimension(variable%dim(variable%n_dim + 2 - k)))
+                        call check(nf90_inq_dimid(writer%id, trim(dimension%name), dims(k - 1)), writer, status)
+                        counts(k - 1) = dimension%size
+                    end associate
+                end do
+                dims(n_dim - 1) = side
+                counts(n_dim - 1) = size(event_side)
+                call check(nf90_inq_dimid(writer%id, "event", dims(n_dim)), writer, status)
+                counts(n_dim) = n
+                if (.not. status%is_ok()) return
+                call check(nf90_def_var(writer%id, event_prefix//trim(variable%name), &
+                                        merge(nf90_int, nf90_double, variable%is_integer), dims(:n_dim), id), writer, status)
+                if (.not. status%is_ok()) return
+                call check(nf90_put_att(writer%id, id, "long_name", trim(variable%long_name)//beside_words), writer, status)
+                call check(nf90_put_att(writer%id, id, "units", trim(variable%units)), writer, status)
+                if (variable%is_integer) then
+                    call put_flags(writer, id, variable%flag, status)
+                    call check(nf90_put_var(writer%id, id, block%of(i)%integer, spread(1, 1, n_dim), counts(:n_dim)), writer, &
+                               status)
+                else
+                    call check(nf90_put_var(writer%id, id, real(block%of(i)%real, real64), spread(1, 1, n_dim), &
+                                            counts(:n_dim)), writer, status)
+                end if
+            end associate
+        end do
+    end subroutine put_event_sides
 
     subroutine note_text(name, text, writer, status)
         character(len=*), intent(in) :: name, text

@@ -2,7 +2,7 @@
 module linkdyn_result_kinds
     implicit none (type, external)
     private
-    public :: result_name, result_words, n_results, result_name_len, result_words_len
+    public :: result_name, result_words, jumps, is_made_of_forces, n_results, result_name_len, result_words_len
 
     integer, parameter, public :: result_time = 1
     integer, parameter, public :: result_q = 2
@@ -179,6 +179,25 @@ contains
 
         words = kinds(place_of(id))%words
     end function result_words
+
+    !> Does it jump where something happens in a run, so that it is told on both sides of that? The others go on there, are told
+    !> of the state that the instant has, or of samples alone.
+    elemental logical function jumps(id)
+        integer, intent(in) :: id                        !! one of `result_*`
+
+        jumps = is_made_of_forces(id) .or. any(id == [result_qdd, result_driving_speed, result_joint_rate, result_status, &
+            result_power_imbalance, result_kinetic_energy, result_motor_speed, result_clutch_slip, result_clutch_state])
+    end function jumps
+
+    !> Is it a force, or does it come of some?
+    elemental logical function is_made_of_forces(id) result(is)
+        integer, intent(in) :: id                        !! one of `result_*`
+
+        is = any(id == [result_driving_force, result_driving_power, result_reaction, result_friction, result_friction_power, &
+            result_transmission_force, result_motor_torque, result_motor_power, result_motor_current, &
+            result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_strand_force, &
+            result_controller_output, result_clutch_force, result_cylinder_flow])
+    end function is_made_of_forces
 
     elemental integer function place_of(id) result(place)
         integer, intent(in) :: id

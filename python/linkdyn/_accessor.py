@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ._event_sides import EventSides
     from ._view.page import View
     from .scene import Scene
 
@@ -30,6 +31,8 @@ __all__ = ["RunAccessor"]
 
 GROUPS = {"force": "F", "moment": "M"}
 """Parts of a wrench, by the first letter of their components."""
+ALIKE = 1e-12
+"""Of a value: what is larger by less beside an event is what a sample has but for rounding."""
 LABELLED = ("coordinate", "actuator", "joint", "variable", "component")
 """Dimensions by whose names results are found."""
 OFFERS = ("view", "animate", "sheet", "worst", "joint", "to_frame", "to_csv", "to_parquet")
@@ -207,7 +210,8 @@ class RunAccessor:
         pandas.DataFrame
             A row for each actuator, joint, ...: ``value``, in the unit ``unit``, with its sign, and ``time`` [s] (``sample``
             of a batch). Of reactions ``force`` [N] and ``moment`` [N m], magnitudes, each with its time. NaN where no
-            sample could be computed.
+            sample could be computed. Of a forward run with events what is just before and just behind these counts, too: ``event``
+            (``force_event``, ``moment_event``) tells of which, empty of a sample.
 
         Raises
         ------
@@ -218,18 +222,21 @@ class RunAccessor:
 
         values = self._result(quantity)
         if "component" in values.dims:
-            columns = {}
+            columns: dict[str, Any] = {}
             for part, letter in GROUPS.items():
                 components = [name for name in values.component.values if str(name).startswith(letter)]
-                size = np.linalg.norm(values.sel(component=components).values, axis=-1)
-                columns[part], columns[f"{part}_{self._clock}"] = self._peaks(size)
+                places = [k for k, name in enumerate(values.component.values) if name in components]
+                size = np.linalg.norm(self._sides.behind(quantity)[..., places], axis=-1)
+                columns |= self._peaks(size, part, f"{part}_")
             label = next(name for name in values.dims if name not in ("sample", "component"))
             return pd.DataFrame(columns, index=pd.Index(values[label].values, name=label))
         label = values.dims[1] if values.ndim > 1 else None
-        peak, instant = self._peaks(values.values.reshape(len(values), -1))
-        units = self._units(values)
+        told = self._sides.behind(quantity)
+        columns = self._peaks(told.reshape(len(told), -1), "value")
         index = pd.Index(values[label].values, name=label) if label else pd.Index([quantity])
-        return pd.DataFrame({"value": peak, "unit": units, self._clock: instant}, index=index)
+        table = pd.DataFrame(columns, index=index)
+        table.insert(1, "unit", self._units(values))
+        return table
 
     def joint(self, name: str) -> xr.Dataset:
         """Everything that belongs to one joint: reaction, driving force, joint variables.
@@ -369,13 +376,25 @@ class RunAccessor:
             raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known)})")
         return self._run[quantity]
 
-    def _peaks(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of each column the value of largest magnitude, and its instant."""
+    @property
+    def _sides(self) -> EventSides:
+        from ._event_sides import EventSides
+
+        return EventSides.of(self._run)
+
+    def _peaks(self, values: np.ndarray, name: str, prefix: str = "") -> dict[str, Any]:
+        """Of each column the value of largest magnitude, its instant, and the event that it stands beside, if some may; as columns of a table."""
+        n, sides = self._run.sizes["sample"], self._sides
         size = np.where(np.isfinite(values), np.abs(values), -1.0)
+        size[n:] *= 1.0 - ALIKE
         place = size.argmax(axis=0)
         columns = np.arange(values.shape[1])
         is_there = size[place, columns] >= 0
-        return np.where(is_there, values[place, columns], np.nan), np.where(is_there, self._instants()[place], np.nan)
+        instants = np.concatenate([self._instants(), sides.time[: len(values) - n]])
+        found: dict[str, Any] = {name: np.where(is_there, values[place, columns], np.nan), f"{prefix}{self._clock}": np.where(is_there, instants[place], np.nan)}
+        if len(values) > n:
+            found[f"{prefix}event"] = [sides.words(int(k) - n) if k >= n else "" for k in place]
+        return found
 
     def _labels(self, values: xr.DataArray) -> list[str]:
         labels = [""]

@@ -543,6 +543,14 @@ class Run:
             check(*_api.api_events(self._handle, kinds.ravel(), instants.ravel(), flat))
         return kinds, instants, flat[: states.size].reshape(states.shape)
 
+    def event_results(self, shapes: dict[str, tuple[tuple[int, ...], type]]) -> dict[str, NDArray[Any]]:
+        """Results on both sides of what has happened so far, by name, (N, 2, ...): shapes as for `advance`, of those that jump."""
+        kinds: tuple[type, ...] = (np.float64, np.intc)
+        rows = {kind: _Row(2 * self.n_events, kind, shapes) for kind in kinds}
+        if self.n_events > 0:
+            check(*_api.api_event_results(self._handle, self.n_events, rows[np.float64].values, rows[np.intc].values))
+        return {name: rows[kind].take(name).reshape(self.n_events, 2, *shape) for name, (shape, kind) in shapes.items()}
+
     def finish(self) -> None:
         """Give back what the run holds."""
         _api.api_finish(self._handle)

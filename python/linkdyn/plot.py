@@ -20,6 +20,7 @@ from ._drawing.lines import MOST_LINES, abscissa, colour, draw_lines, line, scal
 from ._drawing.mechanisms import mechanism
 from ._drawing.style import BAD, as_written, put_heading
 from ._drawing.sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
+from ._event_sides import EventSides
 from ._listing import only
 from .errors import InputError
 from .scene import Scene
@@ -70,7 +71,8 @@ def assemblies(scene: Scene) -> tuple[Figure, np.ndarray]:
 def driving_forces(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndarray]:
     """Driving forces and torques over time, one panel per group of like actuators, peaks marked and named beside the lines.
 
-    Of more than eight lines the range is drawn, and the one with the largest peak.
+    Of more than eight lines the range is drawn, and the one with the largest peak. Where something happens in a forward run lines jump: what is just
+    before and just behind counts as a peak, too.
 
     Parameters
     ----------
@@ -85,6 +87,7 @@ def driving_forces(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np
         ``axes`` of shape (number of groups,).
     """
     _need(run, "driving_force")
+    run = EventSides.of(run).in_time("driving_force")
     units = dict(zip(run.actuator.values, run.actuator_unit.values))
     panels = [
         (f"driving {'torque' if unit == 'N m' else 'force'}", unit,
@@ -101,7 +104,7 @@ def driving_forces(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np
 def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndarray]:
     """Magnitudes of the joint reactions; left force, right moment where there is one. More than eight joints have a row per group of like ones.
 
-    Of more than eight lines the range is drawn, and the one with the largest peak.
+    Of more than eight lines the range is drawn, and the one with the largest peak. Lines jump as those of `driving_forces` do.
 
     Parameters
     ----------
@@ -117,6 +120,7 @@ def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndar
         its neighbour.
     """
     _need(run, "reaction")
+    run = EventSides.of(run).in_time("reaction")
     sizes = {letter: _magnitude(run, letter) for letter in "FM"}
     peaks = {letter: np.nan_to_num(sizes[letter].values).max(axis=0, initial=0.0) for letter in "FM"}
     bears = {
@@ -203,6 +207,7 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
         Reactions are not in the run, an unknown joint or component.
     """
     _need(run, "reaction")
+    run = EventSides.of(run).in_time("reaction")
     wanted = [f"F{letter}" for letter in components]
     known = [name for name in map(str, run.component.values) if name.startswith("F")]
     if len(wanted) != 2 or not set(wanted) <= set(known):

@@ -179,6 +179,8 @@ class RunTemplate:
         self._coordinates: xr.Coordinates = xr.Dataset(coords=labels).coords
         for name in set(labels) - set(self._coordinates.xindexes):
             self._coordinates[name].values.flags.writeable = False  # all runs share them; indexes cannot be written to
+        self.jumps: list[str] = [variable["name"] for variable in schema["variables"] if variable["jumps"]]
+        """Results that a forward run tells on both sides of events, too."""
         self._variables: list[tuple[str, list[str], dict[str, Any]]] = []
         for variable in schema["variables"]:
             attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
@@ -225,6 +227,14 @@ class RunTemplate:
             data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
         return data
 
+    def beside_events(self, arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Variables and coordinates of the results on both sides of events, (event, side, ...) by the names of the results."""
+        variables = {
+            f"event_{name}": (["event", "side", *dims[1:]], arrays[name], attributes | {"long_name": f"{attributes['long_name']}, just before and behind the event"})
+            for name, dims, attributes in self._variables if name in arrays
+        }
+        return variables, {"side": ("side", EVENT_SIDES)} if variables else {}
+
     def _over_time(self, variables: dict[str, Any]) -> xr.Dataset:
         coordinates = self._coordinates | time_axis(*variables.pop("time"))
         return xr.Dataset(variables, coordinates)
@@ -267,6 +277,7 @@ def flag_attributes(flags: list[str]) -> dict[str, Any]:
     }
 
 
+EVENT_SIDES = ["before", "behind"]
 EVENT_KINDS = ["crossing", "end", "contact", "release", "impact", "rest", "close", "open", "stick", "slip"]
 
 

@@ -668,7 +668,8 @@ class Scene:
         xarray.Dataset
             As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why. One that an
             event of the scene ends has its last sample at the instant of the event. What has happened, events and contacts with
-            stops, stands along the dimension "event".
+            stops, stands along the dimension "event"; where forces are wanted results that jump there, "event_reaction" and others, are told
+            along "side", just before and just behind it.
 
         Raises
         ------
@@ -725,6 +726,8 @@ class Scene:
             data.attrs["coordinates_integrated"] = run.coordinates
             if self.description["events"]:
                 variables, labels = event_variables(self.description, *run.events(len(self.description["coordinates"])))
+                data = data.assign(variables).assign_coords(labels)
+                variables, labels = template.beside_events(run.event_results({name: shapes[name] for name in template.jumps}) if template.jumps else {})
                 data = data.assign(variables).assign_coords(labels)
             return data
 

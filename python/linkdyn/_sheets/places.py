@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from .._event_sides import EventSides
+
 __all__ = ["place_of", "turning_coordinate"]
 
 
 def place_of(run: xr.Dataset, sample: int) -> str:
+    """Numbers behind those of the samples are those of `EventSides`."""
+    if sample >= run.sizes["sample"]:
+        sides, row = EventSides.of(run), sample - run.sizes["sample"]
+        return f"{sides.time[row]:.6g} s, {sides.words(row)}"
     if "time" not in run.coords:
         return f"sample {sample}"
     words = f"{float(run.time[sample]):.6g} s"

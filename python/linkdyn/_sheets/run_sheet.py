@@ -16,12 +16,14 @@ from .._cycle.averages import good_samples, need_order, rms, shares
 from .._cycle.energy import energy
 from .._drawing.forces import borne
 from .._drawing.style import plain_units, readable
+from .._event_sides import EventSides
 from .._geometry.kinematics import variable_of
 from .._geometry.postures import scene_of
 from .._printable import printable
 from ..errors import InputError, LinkdynError
 from ..scene import Scene
 from .cylinder_sheet import cylinders_table
+from .events_table import events_table
 from .places import place_of, turning_coordinate
 from .run_warnings import ROUNDED, warnings_table
 from .sheet import NONE, Cell, Page, Picture, Table, cell_of, count_words, limits_table, machine_picture, provenance
@@ -57,7 +59,7 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     limits = _bounded(run, scene)
     page.tables = [
         table
-        for table in (warnings_table(run, scene, limits), *_drives(run, scene), _motors(run, scene), cylinders_table(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
+        for table in (warnings_table(run, scene, limits), *_drives(run, scene), _motors(run, scene), cylinders_table(run, scene), _joints(run), events_table(run, scene), _transmission(run), _shaking(run, scene),
                       limits_table(limits) if limits is not None else None)
         if table is not None
     ]
@@ -129,9 +131,10 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
         factor, word = readable(unit, max(float(np.nanmax(np.abs(value), initial=0.0)) for value in values))
         columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
 
-    force = run.driving_force.values[:, chosen]
+    sides = EventSides.of(run)
+    told, force = sides.behind("driving_force")[:, chosen], run.driving_force.values[:, chosen]
     words = ("highest\ntorque", "lowest\ntorque") if unit == "N m" else ("highest\nforce", "lowest\nforce")
-    columns += _with_places(run, unit, {words[0]: _peak(force, 1), words[1]: _peak(force, -1), "rms": (np.atleast_1d(rms(force, weights)), None)})
+    columns += _with_places(run, unit, {words[0]: _peak(told, 1), words[1]: _peak(told, -1), "rms": (np.atleast_1d(rms(force, weights)), None)})
     length = "rad" if unit == "N m" else "m"
     if scene is not None and "joint_variable" in run:
         path = np.stack([_path(run, scene, str(run.actuator.values[k])) for k in chosen], axis=1)
@@ -139,10 +142,11 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
     if "driving_speed" in run:
         speed = run.driving_speed.values[:, chosen]
         turns = 30 / np.pi if unit == "N m" else 1.0     # as data sheets have it
-        add(["peak\nspeed", "rms\nspeed"], [turns * _peak(np.abs(speed), 1)[0], turns * np.atleast_1d(rms(speed, weights))], "rpm" if unit == "N m" else "m/s")
+        add(["peak\nspeed", "rms\nspeed"], [turns * _peak(np.abs(sides.behind("driving_speed")[:, chosen]), 1)[0], turns * np.atleast_1d(rms(speed, weights))], "rpm" if unit == "N m" else "m/s")
     if "driving_power" in run:
         power = run.driving_power.values[:, chosen]
-        add(["power\nin", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
+        peaks = sides.behind("driving_power")[:, chosen]
+        add(["power\nin", "power\nback"], [_only(_peak(peaks, 1)[0], 1), _only(_peak(peaks, -1)[0], -1)], "W")
         if "time" in run.coords and run.time[-1] > run.time[0] and good_samples(run).all():
             found = energy(run).isel(drive=chosen)
             mean = found.mean_power.values
@@ -175,15 +179,16 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
         factor, word = readable(unit, max(float(np.nanmax(np.abs(value), initial=0.0)) for value in values))
         columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
 
-    torque, speed, power = (run[name].values for name in ("motor_torque", "motor_speed", "motor_power"))
-    columns += _with_places(run, "N m", {"peak\ntorque": _peak(np.abs(torque), 1), "rms\ntorque": (np.atleast_1d(rms(torque, weights)), None)})
+    sides = EventSides.of(run)
+    torque, speed, power = (sides.behind(name) for name in ("motor_torque", "motor_speed", "motor_power"))
+    columns += _with_places(run, "N m", {"peak\ntorque": _peak(np.abs(torque), 1), "rms\ntorque": (np.atleast_1d(rms(run.motor_torque.values, weights)), None)})
     add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0] * 30 / np.pi], "rpm")  # as data sheets have it
     add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
     if "motor_current" in run:
         current = run.motor_current.values
-        add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(current), 1)[0], np.atleast_1d(rms(current, weights))], "A")
+        add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(sides.behind("motor_current")), 1)[0], np.atleast_1d(rms(current, weights))], "A")
     if "torque_margin" in run:
-        margin = run.torque_margin.values
+        margin = sides.behind("torque_margin")
         margin = np.where(np.abs(margin) <= ROUNDED * np.abs(torque), 0.0, margin)     # at its limit
         add(["least\nmargin"], [np.nanmin(margin, axis=0, initial=np.inf)], "N m")
     names = [str(name) for name in run.motor.values]
@@ -210,7 +215,7 @@ def _joints(run: xr.Dataset) -> Table | None:
         return None
     components = [str(name) for name in run.component.values]
     parts = [[i for i, name in enumerate(components) if name.startswith(letter)] for letter in "FM"]
-    values = run.reaction.values
+    values, n = EventSides.of(run).behind("reaction"), run.sizes["sample"]
     sizes = [np.linalg.norm(values[..., part], axis=-1) for part in parts]
     bears = borne(*(np.nan_to_num(_peak(size, 1)[0]) for size in sizes))
     columns: list[tuple[str, list[Cell]]] = []
@@ -225,7 +230,7 @@ def _joints(run: xr.Dataset) -> Table | None:
             parts_there = np.array([values[k, joint, i] if there else np.nan for joint, (k, there) in enumerate(zip(at, acts))])
             parts_there[np.abs(parts_there) < ROUNDING * peak] = 0.0
             columns.append((f"{components[i]} there\n[{name}]", [cell_of(x, factor) for x in parts_there]))
-        mean = np.atleast_1d(rms(size, shares(run)))
+        mean = np.atleast_1d(rms(size[:n], shares(run)))
         columns.append((f"rms {word}\n[{name}]", [cell_of(x, factor) if there else Cell(NONE) for x, there in zip(mean, acts)]))
     if not columns:
         return None

@@ -25,7 +25,7 @@ from ..errors import InputError
 from ..results import inputs_of
 from ..scene import Scene
 
-__all__ = ["NONE", "Cell", "Page", "Picture", "Table", "cell_of", "count_words", "limits_table", "machine_picture", "provenance", "sheet", "sheet_page", "sheet_path"]
+__all__ = ["NONE", "Cell", "Page", "Picture", "Table", "cell_of", "count_words", "limits_table", "machine_picture", "provenance", "sheet", "sheet_page", "sheet_path", "significant"]
 
 NONE = "–"
 BOLD = 1.15
