@@ -49,15 +49,29 @@ export class Chart {
     this.select.value = index;
     this.entry = this.run.charts[index];
     const n = this.entry.names.length;
-    const { values } = this.run.arrays[this.entry.values];
+    const rows = this.rows();
+    this.moments = rows.map(({ time }) => time);
+    this.placeOf = []; // of frames among the rows
+    rows.forEach(({ frame }, i) => frame !== undefined && (this.placeOf[frame] = i));
     this.series = this.entry.names.map((name, i) => {
-      const numbers = this.times.map((_, frame) => values[frame * n + i]);
+      const numbers = rows.map(({ values, at }) => values[at + i]);
       return { name, numbers, peak: Math.max(...numbers.map((x) => (Number.isFinite(x) ? Math.abs(x) : 0))) };
     });
     const least = n > SHOWN ? [...this.series].sort((a, b) => b.peak - a.peak)[SHOWN - 1].peak : 0;
     let room = SHOWN;
     for (const series of this.series) series.shown = n <= SHOWN || (series.peak >= least && room-- > 0);
     this.draw();
+  }
+
+  /** Where the numbers of the result are, in the order of time: those of the frames, and those just before and behind events. */
+  rows() {
+    const { arrays } = this.run;
+    const n = this.entry.names.length;
+    const rows = this.times.map((time, frame) => ({ time, frame, values: arrays[this.entry.values].values, at: frame * n }));
+    if (this.entry.beside === undefined) return rows;
+    const { values } = arrays[this.entry.beside];
+    arrays.event_time.values.forEach((time, i) => rows.push({ time, values, at: i * n }));
+    return rows.sort((one, other) => one.time - other.time);
   }
 
   recolour(theme, colours) {
@@ -107,7 +121,7 @@ export class Chart {
         hooks: { draw: [(plot) => this.drawInstant(plot)] },
       };
       const finite = (numbers) => numbers.map((x) => (Number.isFinite(x) ? x : null));
-      this.plot = new uPlot(options, [this.times, ...shown.map((series) => finite(series.numbers))], this.canvas);
+      this.plot = new uPlot(options, [this.moments, ...shown.map((series) => finite(series.numbers))], this.canvas);
       this.listen(this.plot.over);
     }
     this.legend.replaceChildren(...this.series.map((series) => this.chip(series)));
@@ -158,7 +172,7 @@ export class Chart {
   }
 
   showValues() {
-    for (const series of this.series) series.value.textContent = plain(series.numbers[this.frame]);
+    for (const series of this.series) series.value.textContent = plain(series.numbers[this.placeOf[this.frame]]);
   }
 }
 

@@ -19,6 +19,7 @@ from .._cycle.averages import need_order
 from .._drawing.forces import Forces, find_forces
 from .._drawing.names import parts_of_slots
 from .._drawing.style import COLOURS, readable
+from .._event_sides import EventSides
 from .._geometry.cams import face_radius, is_cam, outlines_in_link, roller_axis
 from .._geometry.postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of, seen_markers
 from .._geometry.springs import acts_along
@@ -373,32 +374,41 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
     """Every result over the samples, like units together."""
     charts: list[dict[str, Any]] = []
 
-    def add(result: str, title: str, names: Iterable[Any], values: Values, unit: str) -> None:
-        values = np.where(np.abs(values) < LARGEST, values, np.nan)
-        finite = np.abs(values[np.isfinite(values)])
+    sides = EventSides.of(run)
+    sides = EventSides(run, sides.events[:MOST_FRAMES], sides.time[: 2 * MOST_FRAMES])
+    if sides.events.size:
+        block.add("event_time", sides.time, "float64")
+
+    def add(result: str, title: str, names: Iterable[Any], values: Values, unit: str, beside: Values | None = None) -> None:
+        """Values at the samples, and beside events, where these have some."""
+        values, beside = (np.where(np.abs(one) < LARGEST, one, np.nan) for one in (values, values[:0] if beside is None else beside))
+        finite = np.abs(np.concatenate([values[np.isfinite(values)], beside[np.isfinite(beside)]]))
         if not finite.size:
             return
         factor, shown = readable(unit, float(finite.max()))
         name = block.add(f"chart{len(charts)}", factor * values, "float32")
-        charts.append({"result": result, "title": title, "unit": shown, "names": [str(text) for text in names], "values": name})
+        chart = {"result": result, "title": title, "unit": shown, "names": [str(text) for text in names], "values": name}
+        if len(beside):
+            chart["beside"] = block.add(f"beside{len(charts)}", factor * beside, "float32")
+        charts.append(chart)
 
     for name, variable in run.data_vars.items():
         title = TITLES.get(str(name), str(name).replace("_", " "))
         if name == "reaction":
             for letter, quantity, unit in (("F", "force", "N"), ("M", "moment", "N m")):
-                components = [text for text in run.component.values if str(text).startswith(letter)]
-                size = np.linalg.norm(variable.sel(component=components).values, axis=-1)
-                add("reaction", f"joint {quantity}", run.joint.values, size, unit)
+                part = [k for k, text in enumerate(run.component.values) if str(text).startswith(letter)]
+                size, beside = (np.linalg.norm(values[..., part], axis=-1) for values in (variable.values, sides.rows("reaction")))
+                add("reaction", f"joint {quantity}", run.joint.values, size, unit, beside)
         elif name in ENERGIES or variable.dims[:1] != ("sample",) or variable.dtype.kind != "f":
             continue
         elif variable.ndim == 1:
-            add(str(name), title, [title], variable.values[:, np.newaxis], variable.attrs.get("units", "1"))
+            add(str(name), title, [title], variable.values[:, np.newaxis], variable.attrs.get("units", "1"), sides.rows(str(name))[:, np.newaxis])
         elif variable.ndim == 2:
             units = units_of(variable)
             for unit in dict.fromkeys(units):
                 columns = [k for k, other in enumerate(units) if other == unit]
                 quantity = "driving torque" if (name, unit) == ("driving_force", "N m") else title
-                add(str(name), quantity, variable[variable.dims[1]].values[columns], variable.values[:, columns], unit)
+                add(str(name), quantity, variable[variable.dims[1]].values[columns], variable.values[:, columns], unit, sides.rows(str(name))[:, columns])
     energies = [name for name in ENERGIES if name in run]
     if energies:
         values = np.stack([run[name].values for name in energies], axis=-1)
