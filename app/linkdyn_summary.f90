@@ -54,7 +54,7 @@ module linkdyn_summary
     !> Samples in which more is asked of a drive than it has.
     type :: excess_type
         type(event_type) :: event
-        type(peak_type) :: lack                  !! the largest
+        type(peak_type) :: lack                  !! the largest, also beside events
         real(wp) :: asked = 0                    !! there
     end type excess_type
 
@@ -274,20 +274,25 @@ contains
         type(block_type), intent(in), target :: block    !! two samples an event
         real(wp), intent(in) :: instant(:)           !! of the events [s]
         type(summary_type), intent(inout) :: summary
-        real(wp), pointer :: force(:, :), torque(:, :), reaction(:, :, :)
+        real(wp), pointer :: force(:, :), torque(:, :), margin(:, :), reaction(:, :, :)
         integer, pointer :: code(:)
-        integer :: i, n
+        integer :: i, k, n
 
         n = n_side*size(instant)
         call view_values(layout, result_status, n, block, code)
         call view_values(layout, result_driving_force, n, block, force)
         call view_values(layout, result_motor_torque, n, block, torque)
+        call view_values(layout, result_torque_margin, n, block, margin)
         call view_values(layout, result_reaction, n, block, reaction)
         do i = 1, n
             if (code(i) /= sample_ok) cycle
             associate (t => instant(1 + (i - 1)/n_side))
                 if (associated(force)) call widen_range(force(:, i), t, summary%drive, i)
                 if (associated(torque)) call widen_range(torque(:, i), t, summary%motor, i)
+                do k = 1, size(summary%overload)
+                    if (lacks_torque(torque(k, i), margin(k, i))) &
+                        call raise_excess(-margin(k, i), abs(torque(k, i)), t, summary%overload(k), i)
+                end do
                 if (associated(reaction)) call raise_reactions(merge(2, 3, layout%planar), reaction(:, :, i), t, summary, i)
             end associate
         end do
@@ -319,9 +324,15 @@ contains
         integer :: k
 
         do k = 1, size(overload)
-            if (margin(k) < -rounded_share*abs(torque(k))) call note_excess(-margin(k), abs(torque(k)), t, overload(k))
+            if (lacks_torque(torque(k), margin(k))) call note_excess(-margin(k), abs(torque(k)), t, overload(k))
         end do
     end subroutine note_overload
+
+    elemental logical function lacks_torque(torque, margin)
+        real(wp), intent(in) :: torque, margin       !! [N m]
+
+        lacks_torque = margin < -rounded_share*abs(torque)
+    end function lacks_torque
 
     !> Pressure of the side that pushes while the other is at the tank's: what a force asks for at least.
     pure real(wp) function pressure_asked(cylinder, force) result(pressure)
@@ -364,9 +375,20 @@ contains
         type(excess_type), intent(inout) :: excess
 
         call count_event(t, excess%event)
-        call raise_peak(lack, t, 1, excess%lack)
-        if (excess%lack%time == t) excess%asked = asked
+        call raise_excess(lack, asked, t, excess)
     end subroutine note_excess
+
+    subroutine raise_excess(lack, asked, t, excess, beside)
+        real(wp), intent(in) :: lack, asked
+        real(wp), intent(in) :: t                    !! [s]
+        type(excess_type), intent(inout) :: excess
+        integer, intent(in), optional :: beside      !! as of `raise_peak`
+        real(wp) :: noted
+
+        noted = excess%lack%noted
+        call raise_peak(lack, t, 1, excess%lack, beside)
+        if (excess%lack%noted > noted) excess%asked = asked
+    end subroutine raise_excess
 
     !> Later ones to those before.
     subroutine join_excess(part, whole)

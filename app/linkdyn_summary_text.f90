@@ -342,10 +342,14 @@ contains
         logical, intent(in) :: has_time              !! as of the summary
         character(len=:), allocatable, intent(inout) :: text
 
-        if (excess%event%n == 0) return
+        character(len=:), allocatable :: times
+
+        if (.not. excess%lack%is_set) return
+        times = "beside events"
+        if (excess%event%n > 0) times = "in "//times_text(excess%event, has_time)
         if (text /= "") text = text//"; "
-        text = text//what//" in "//times_text(excess%event, has_time)//", most at "//instant(excess%lack%time, has_time)//": " &
-               //asked//" required, "//there//" available"
+        text = text//what//" "//times//", most at "//instant(excess%lack%time, has_time)//": "//asked//" required, "//there &
+               //" available"
     end subroutine tell_excess
 
     !> "t = 0.3 s", or "sample 3" where samples have no time.

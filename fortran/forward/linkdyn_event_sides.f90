@@ -120,9 +120,9 @@ contains
         clutch = run%system%way%clutch                 ! with what they hold and take at the state evaluated last
         stops = run%system%way%stops
         motors = run%system%way%motors
-        t_side = t
         side = y
-        if (run%system%may_jump) call step_aside(run, is_behind, t_side, side)
+        t_side = t + way_aside(run, t, is_behind)
+        if (run%system%may_jump) call step_aside(run, t, t_side - t, side)
         call evaluate_side(run, layout, t_side, side, block)
         run%system%way%clutch = clutch
         run%system%way%stops = stops
@@ -130,24 +130,30 @@ contains
         run%n_crossed = n_crossed
     end subroutine look_at_side
 
-    !> An event is found to the last places of the clock, and stands behind its zero. Laws over the state that jump with it do so by
-    !> formulas of their own: both sides are taken a little away from there, along the rates.
-    subroutine step_aside(run, is_behind, t, y)
-        type(forward_run), intent(inout) :: run
+    !> An event is found to the last places of the clock, and stands behind its zero; laws over time and state that jump with it do
+    !> so by formulas of their own. Both sides are taken a little away from there.
+    pure real(wp) function way_aside(run, t, is_behind) result(way)
+        type(forward_run), intent(in) :: run
+        real(wp), intent(in) :: t                      !! [s]
         logical, intent(in) :: is_behind
-        real(wp), intent(inout) :: t                   !! [s]
-        real(wp), intent(inout) :: y(:, :)             !! (lane, n of the system)
-        real(wp), parameter :: last_places = 1024      !! of the clock: events stand some tens of them behind their zeros
+        integer, parameter :: last_places = 1024       !! of the clock: events stand some tens of them behind their zeros
+
+        way = merge(1, -1, is_behind)*last_places*spacing(max(abs(t), run%system%span))
+    end function way_aside
+
+    !> The state a little away, along its rates.
+    subroutine step_aside(run, t, way, y)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t                      !! of the event [s]
+        real(wp), intent(in) :: way                    !! [s]
+        real(wp), intent(inout) :: y(:, :)             !! there (lane, n of the system)
         type(standing_lanes) :: standing
-        real(wp) :: rate(lanes, size(y, 2)), way
+        real(wp) :: rate(lanes, size(y, 2))
         logical :: failed(lanes)
 
         call run%system%leave_standing_here(t, 1, standing)
         call run%system%evaluate_on_lanes(spread(t, 1, lanes), y, rate, failed, standing)
-        if (failed(1)) return
-        way = merge(1, -1, is_behind)*last_places*spacing(max(abs(t), run%system%span))
-        t = t + way
-        y = y + way*rate
+        if (.not. failed(1)) y = y + way*rate
     end subroutine step_aside
 
     !> Where the run stands, as a sample.

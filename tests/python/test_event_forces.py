@@ -163,6 +163,22 @@ def test_a_clutch_that_closes_at_an_instant(method):
     np.testing.assert_allclose(run.event_qdd.values[0, :, 0], [0, -1.5], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_an_event_where_something_is_known_to_happen(method):
+    """A load leaves and a brake comes on at an instant that the run knows beforehand: an event of the time has both sides of that."""
+    drive = {"ratio": 10, "brake": {"torque": 0.2, "from": 0.25, "begins": "off"}}
+    scene = slide(
+        actuator=[{"joint": "h", "law": {"type": "constant", "value": 0.1, "at": "motor"}, "drive": drive}],
+        payload=[{"on": "mass.O", "mass": 3.0, "until": 0.25}],
+        event=[{"name": "dropped", "when": "time - 0.25 s"}],
+    )
+    run = scene.forward(0.5, method=method)
+    assert kinds(run) == ["crossing"] and (run.event_status.values == 0).all()
+    np.testing.assert_allclose(run.event_reaction.values[0, :, 0, 1], [5 * GRAVITY, 2 * GRAVITY], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(run.event_brake_torque.values[0, :, 0]), [0, 0.2], rtol=1e-12)
+    np.testing.assert_allclose(run.event_driving_force.values[0, :, 0], [1, -1], rtol=1e-12)
+
+
 # ---------------------------------------------------------------------------------------------------------------- samples by hand
 def compare_with_samples(scene: linkdyn.Scene, method: str, error: float) -> int:
     """Samples a nanosecond before and behind each event have what is told beside it; how many events were compared."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .._cycle.averages import good_samples
 from .._drawing.style import readable
 from .._drawing.sweep_data import describe_place
+from .._event_sides import EventSides
 from ..scene import Scene
 from .cylinder_sheet import demands
 from .places import place_of
@@ -62,15 +63,16 @@ def _overloads(run: xr.Dataset) -> list[tuple[str, str]]:
     """Motors of which more torque is asked than they have at their speed, each with the worst sample."""
     if "torque_margin" not in run or not run.sizes["sample"]:
         return []
-    rows = []
+    rows, n, sides = [], run.sizes["sample"], EventSides.of(run)
     for k, name in enumerate(map(str, run.motor.values)):
-        torque, margin = np.abs(run.motor_torque.values[:, k]), np.nan_to_num(run.torque_margin.values[:, k], nan=np.inf)
+        torque, margin = np.abs(sides.behind("motor_torque")[:, k]), np.nan_to_num(sides.behind("torque_margin")[:, k], nan=np.inf)
         short = margin < -ROUNDED * torque
         if not short.any():
             continue
         worst = int(margin.argmin())
         factor, word = readable("N m", float(torque[worst]))
-        rows.append((f"the motor of {name} is overloaded in {count_words(int(short.sum()))} of {count_words(len(short))} samples: {torque[worst] * factor:.4g} {word}, "
+        of = f"in {count_words(int(short[:n].sum()))} of {count_words(n)} samples" if short[:n].any() else "beside events"
+        rows.append((f"the motor of {name} is overloaded {of}: {torque[worst] * factor:.4g} {word}, "
                      f"available {max(0.0, torque[worst] + margin[worst]) * factor:.4g} {word}", _most_and_first(run, worst, short)))
     return rows
 
