@@ -136,7 +136,7 @@ contains
 
     !> Block by block to the last output instant, or to where the run ends or is interrupted.
     subroutine run_blocks(watched, instants, output, summary, seconds, status)
-        type(watched_run), intent(inout) :: watched
+        type(watched_run), intent(inout), target :: watched
         type(instants_type), intent(in) :: instants
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary

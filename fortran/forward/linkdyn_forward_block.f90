@@ -18,7 +18,7 @@ contains
 
     !> Go on through some instants.
     subroutine advance_block(run, layout, t, block, roads, n_done, seconds)
-        type(forward_run), intent(inout) :: run
+        type(forward_run), intent(inout), target :: run
         type(layout_type), intent(in) :: layout
         real(wp), intent(in) :: t(:)                  !! [s]
         type(block_type), intent(inout), target :: block

@@ -121,7 +121,7 @@ contains
     !> Go on through the instants t, increasing, and fill their results. With a time limit the call may come back after
     !> fewer of them, or none: call again with the rest.
     subroutine advance_watched(watched, t, block, roads, n_done, seconds)
-        type(watched_run), intent(inout) :: watched
+        type(watched_run), intent(inout), target :: watched
         real(wp), intent(in) :: t(:)                   !! [s]
         type(block_type), intent(inout), target :: block
         type(road_counts), intent(out) :: roads        !! of the run itself

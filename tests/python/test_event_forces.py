@@ -215,6 +215,31 @@ def test_samples_put_beside_events_of_every_example(name, method):
     assert compare_with_samples(example(name), method, {"toggle_clamp": 2e-5, "hoist": 5e-6}.get(name, 1e-6)) > 0
 
 
+@pytest.mark.parametrize("start", ["angles", "pose"])
+def test_a_body_in_space(start):
+    """A top swings in a socket that stops it where its axis tilts too far; or a plate falls freely on a floor under one corner."""
+    swings = {
+        "frame": {"markers": {"B": [0, 0, 0], "mouth": {"at": [0, 0, 0], "axis": [0, 0, -1]}}},
+        "link": [{"name": "top", "markers": {"B": [0, 0, 0], "stem": {"at": [0, 0, -0.1], "axis": [0, 0, -1]}}, "mass": 2, "cog": [0, 0, -0.4], "inertia": [0.31, 0.3, 0.02, 0, 0, 0]}],
+        "joint": [{"name": "B", "type": "spherical", "between": ["frame.B", "top.B"]}],
+        "coordinate": [{"joint": "B", "variable": name, "start": value} for name, value in (("roll", {"position": 0.3, "velocity": 1.5}), ("pitch", 0.2), ("yaw", {"position": 0, "velocity": 5}))],
+        "measures": {"tilt": {"axes": ["frame.mouth", "top.stem"]}},
+        "stop": [{"name": "cone", "measure": "tilt", "max": 0.4, "restitution": 0.6}],
+    }
+    falls = {
+        "link": [{"name": "plate", "mass": 2, "inertia": [0.1, 0.2, 0.3, 0, 0, 0], "markers": {"corner": [0.3, 0.2, 0], "arm": [0, 0, 0.1]}},
+                 {"name": "bob", "mass": 0.5, "inertia": [0.01, 0.01, 0.01, 0, 0, 0], "cog": [0, 0, 0.1], "markers": {"foot": [0, 0, 0]}}],
+        "joint": [{"name": "J", "type": "spherical", "between": ["plate.arm", "bob.foot"]}],
+        "coordinate": [{"link": "plate", "start": {"position": [0, 0, 0.4], "angles": [0.3, 0.2, 0.1], "angular_velocity": [1, 2, 3]}},
+                       *({"joint": "J", "variable": name, "start": 0.1} for name in ("roll", "pitch", "yaw"))],
+        "frame": {"markers": {"O": [0, 0, 0]}},
+        "measures": {"height": {"marker": "plate.corner", "component": "z"}},
+        "stop": [{"name": "floor", "measure": "height", "min": 0, "restitution": 0.5}],
+    }
+    scene = linkdyn.Scene({"space": "spatial", "gravity": [0, 0, -GRAVITY], "time": {"end": 0.6}} | (swings if start == "angles" else falls))
+    assert compare_with_samples(scene, "gbs", 1e-6) > 0
+
+
 def test_a_coordinate_that_stands_in_for_another():
     """Events where other coordinates are integrated, and where they are exchanged between."""
     scene = tomllib.loads((EXAMPLES / "slider_crank" / "scene.toml").read_text(encoding="utf-8"))

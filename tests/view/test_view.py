@@ -357,6 +357,22 @@ def test_charts(browser, fourbar, tmp_path):
     assert page.value(f"{plot}.over.style.touchAction") == "pan-y"
 
 
+def test_charts_jump_at_events(browser, tmp_path):
+    """What stands beside events is drawn between the samples, and the numbers of an instant stay those of its sample."""
+    run = linkdyn.load(EXAMPLES / "stopped_rocker" / "scene.toml").forward()
+    linkdyn.view(run, tmp_path / "lid.html", plots=["reaction"])
+    page = browser.open(tmp_path / "lid.html", "t=0.5")
+    chart = f"{VIEW}.charts[0]"
+    assert page.value(f"{chart}.series[0].peak") == pytest.approx(run.linkdyn.worst().force["A"], rel=1e-3)
+    moments = page.value(f"{chart}.moments")
+    assert len(moments) == run.sizes["sample"] + 2 * run.sizes["event"] and moments == sorted(moments)
+    frame = page.value(f"{VIEW}.frame ?? {chart}.frame")
+    size = np.linalg.norm(run.reaction.values[frame, 0, :2])
+    assert page.value(f"{chart}.series[0].numbers[{chart}.placeOf[{frame}]]") == pytest.approx(size, rel=1e-3)
+    assert page.value(f"{chart}.times[{frame}]") == pytest.approx(0.5)
+    assert not page.complaints
+
+
 @pytest.mark.parametrize("value", [np.inf, 1e300, np.nan])
 def test_numbers_beyond_all_are_not_shown(browser, fourbar, value, tmp_path):
     run = fourbar.inverse()
