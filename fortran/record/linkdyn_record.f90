@@ -1,8 +1,8 @@
 !> A record: the program of a scene as a straight line of arithmetic, written down while the physics is traced.
 !>
 !> A node is one operation on results of earlier nodes. Equal operations are one node. Every node has numbers at a few
-!> representative samples: whoever has to choose (a pivot, a branch) looks at these. They are computed when they are first asked for,
-!> since most nodes are steps on the way to others, and nobody ever asks.
+!> representative samples: whoever has to choose (a pivot, a branch) looks at these. They are computed when they are first
+!> asked for, since most nodes are steps on the way to others, and nobody ever asks.
 !> Constants are kept in quadruple precision and rounded once, when the record is run.
 !>
 !> One record a thread is open at a time; the operators of `linkdyn_value` write to it.
