@@ -51,7 +51,8 @@ contains
         if (part < 1 .or. .not. looks_at_laws) return
         if (self%way%sight%has_laws) then
             call measure_states(self, instant, way, measure)
-            call find_part_in_sight(self%model%scene%laws, self%span, measure, gap, self%way%sight, part)
+            call find_part_in_sight(self%model%scene%laws, self%span, speed_by_size(self, rate, rate_end), measure, gap, &
+                                    self%way%sight, part)
         end if
         if (self%model%n_cam == 0) return
         call look_at_cams(self, instant, way, direction)
@@ -131,6 +132,24 @@ contains
             end associate
         end do
     end function ways_gone
+
+    !> The fastest coordinate at a step's ends, by the mechanism's size [1/s].
+    pure real(wp) function speed_by_size(self, rate, rate_end) result(speed)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in), dimension(:) :: rate, rate_end       !! (n)
+        real(wp) :: of_coordinate
+        integer :: k
+
+        speed = 0
+        do k = 1, self%model%n_q
+            associate (p => self%layout%position(k))
+                if (p == 0) cycle
+                of_coordinate = max(abs(rate(p)), abs(rate_end(p)))
+                if (is_length(self%model, k)) of_coordinate = of_coordinate/self%way%sight%size
+                speed = max(speed, of_coordinate)
+            end associate
+        end do
+    end function speed_by_size
 
     !> The cubic that meets solution and rates at both ends of a step.
     pure elemental real(wp) function between(share, y, way, y_end, way_end)

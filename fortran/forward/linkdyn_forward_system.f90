@@ -49,7 +49,7 @@ module linkdyn_forward_system
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_narrow_laws, only: plan_law_sight, has_to_look
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, scene_size, reach_of
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         forget_forces, find_motion_forces, leave_motion_record, free_motion_forces
@@ -527,6 +527,7 @@ contains
         type(model_type), intent(in), target, optional :: motion_model  !! whose coordinates have the scene's motion; absent: model
         type(unknown_choice) :: unknown
         type(kernel_family), pointer :: kernels
+        integer :: i
         integer :: stage_solver
 
         system%model => model
@@ -555,7 +556,8 @@ contains
         system%by_inverse = model%scene%actuator%law%kind == effort_inverse .and. .not. unknown%drive
         system%may_jump = size(model%scene%laws%law) > 0
         system%way%n_before_record = evaluations_on_lanes(model)
-        call plan_law_sight(model%scene%laws, laws_over_time(model%scene), system%way%sight)
+        call plan_law_sight(model%scene%laws, laws_over_time(model%scene), &
+                            scene_size(model) + reach_of(model, [(i, i=1, model%n_joint)], 0), system%way%sight)
         call plan_cam_sight(model, system%of_cams)
         system%may_leap = has_to_look(system%way%sight) .or. model%n_cam > 0 .or. follows_assembly(model)
         call prepare_bounce_watch(model, unknown%acceleration, system%way%bounce)

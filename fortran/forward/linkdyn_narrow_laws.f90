@@ -25,6 +25,7 @@ module linkdyn_narrow_laws
     real(wp), parameter :: much = 0.4_wp
     real(wp), parameter :: well_within = 0.9_wp        !! of what may be gone: a step of just that might be found too long again
     real(wp), parameter :: noise = 1.0e-9_wp           !! of the largest value that a law has had
+    real(wp), parameter :: last_digits = 256*epsilon(1.0_wp)   !! of a measure's size, which are rounding
     integer, parameter :: fewest = 64, most = 1024     !! pieces of a step that laws are looked at between
     !> Laws over time are looked at so often in a run, those over angles so often in a turn.
     integer, parameter :: pieces_a_run = 4096, pieces_a_turn = 180
@@ -37,18 +38,21 @@ module linkdyn_narrow_laws
         logical, allocatable :: is_instant(:)          !! a measure is time, and formulas take it (measure)
         real(wp), allocatable :: rows(:)               !! half the width of the narrowest peak that a table can have (law)
         real(wp), allocatable :: largest(:)            !! size of a value so far (law)
+        real(wp) :: size = 1                           !! of the mechanism, or how far off it is [m]
         type(law_spec), allocatable :: spline(:)       !! tables over time whose rows do not end steps
     end type law_sight
 
 contains
 
     !> By what each law has to be looked at: pieces of what formulas take, the narrowest peaks of tables.
-    subroutine plan_law_sight(book, over_time, sight)
+    subroutine plan_law_sight(book, over_time, size_of_all, sight)
         type(law_book), intent(in) :: book
         type(law_spec), intent(in) :: over_time(:)     !! laws of the scene
+        real(wp), intent(in) :: size_of_all            !! of the mechanism, or how far off it is [m]
         type(law_sight), intent(out) :: sight
         integer :: k
 
+        sight%size = size_of_all
         sight%spline = pack(over_time, is_spline(over_time))
         sight%has_laws = size(book%law) > 0
         allocate (sight%piece(size(book%measure)), sight%rows(size(book%law)), source=huge(1.0_wp))
@@ -113,14 +117,15 @@ contains
     end function narrowest
 
     !> How much of a step may be gone at once; 1: all of it.
-    pure subroutine find_part_in_sight(book, span, measure, gap, sight, part)
+    pure subroutine find_part_in_sight(book, span, speed, measure, gap, sight, part)
         type(law_book), intent(in) :: book
         real(wp), intent(in) :: span                   !! of the run; 0: not known [s]
+        real(wp), intent(in) :: speed                  !! of the mechanism, by its size [1/s]
         real(wp), intent(in) :: measure(:, :)          !! at equal distances from the step's beginning to its end (place, measure)
         real(wp), intent(in) :: gap                    !! the widest one between stages, part of the step
         type(law_sight), intent(inout) :: sight
         real(wp), intent(out) :: part
-        real(wp) :: followed(size(measure, 1), size(measure, 2)), asked
+        real(wp) :: followed(size(measure, 1), size(measure, 2)), rounding(size(book%law)), asked
         real(wp), allocatable :: value(:, :), mode(:)
         integer :: n, k
 
@@ -138,13 +143,56 @@ contains
         n = max(fewest, ceiling(asked))
         allocate (value(n + 1, size(book%law)), mode(n + 1))
         call evaluate_laws(book, refined(followed, n), value, mode)
+        rounding = rounding_of_laws(book, followed, sizes_of(book, sight%size, speed))
         do k = 1, size(book%law)
             call fill_gaps(value(:, k))
             sight%largest(k) = max(sight%largest(k), maxval(abs(value(:, k))))
-            part = min(part, part_before_peak(value(:, k), gap, noise*sight%largest(k)), &
-                       part_before_peak(-value(:, k), gap, noise*sight%largest(k)))
+            associate (least => noise*sight%largest(k) + rounding(k))
+                part = min(part, part_before_peak(value(:, k), gap, least), part_before_peak(-value(:, k), gap, least))
+            end associate
         end do
     end subroutine find_part_in_sight
+
+    !> What numbers that measures are found from are of the size of; the measures themselves may be differences of these.
+    pure function sizes_of(book, length, speed) result(size_of)
+        type(law_book), intent(in) :: book
+        real(wp), intent(in) :: length                 !! [m]
+        real(wp), intent(in) :: speed                  !! [1/s]
+        real(wp) :: size_of(size(book%measure))
+
+        size_of = merge(length, 1.0_wp, book%measure%length_power > 0)*merge(speed, 1.0_wp, book%measure%is_rate)
+        where (book%measure%kind == measure_time) size_of = 0
+    end function sizes_of
+
+    !> How far rounding of what they take may move laws, each on its own: a law may be the difference of equal numbers, or take what
+    !> is always zero. As at most of three places within the step: beside a jump it says nothing.
+    pure function rounding_of_laws(book, measure, size_of) result(rounding)
+        type(law_book), intent(in) :: book
+        real(wp), intent(in) :: measure(:, :)          !! (place, measure)
+        real(wp), intent(in) :: size_of(:)             !! (measure)
+        real(wp) :: rounding(size(book%law))
+        integer, parameter :: quarter(3) = [1, 2, 3]
+        real(wp), dimension(3, size(book%law)) :: value, moved, change
+        real(wp) :: at(3, size(measure, 2)), mode(3)
+        integer :: k, m
+
+        at = measure(1 + quarter*(size(measure, 1) - 1)/4, :)
+        call evaluate_laws(book, at, value, mode)
+        change = 0
+        do m = 1, size(measure, 2)
+            associate (number => measure(1 + quarter*(size(measure, 1) - 1)/4, m))
+                at(:, m) = number + last_digits*(abs(number) + size_of(m))
+                call evaluate_laws(book, at, moved, mode)
+                at(:, m) = number
+            end associate
+            change = change + abs(moved - value)
+        end do
+        do k = 1, size(book%law)
+            rounding(k) = 0
+            if (all(change(:, k) <= huge(1.0_wp))) &
+                rounding(k) = max(min(change(1, k), change(2, k)), min(max(change(1, k), change(2, k)), change(3, k)))
+        end do
+    end function rounding_of_laws
 
     !> The same for splines over time.
     pure subroutine find_part_of_splines(t, length, gap, sight, part)
