@@ -48,6 +48,7 @@ module linkdyn_options
         command_type("view", "SCENE|RUN.nc", "an interactive picture", "the page is made by the Python package"), &
         command_type("draw", "SCENE", "a picture of the mechanism", "the picture is made by the Python package"), &
         command_type("balance", "SCENE", "counterweights against shaking forces", "it is computed by the Python package"), &
+        command_type("linearize", "SCENE", "poles near a state", "it is computed by the Python package"), &
         command_type("new", "[KIND]", "a scene to start from", "scenes to start from are in the Python package"), &
         command_type("convert", "SCENE|ROBOT", "a scene of MJCF or URDF, MJCF of a scene", &
             "files are read by the Python package"), &

@@ -34,10 +34,11 @@ module linkdyn_f2py_api
     use linkdyn_given_attitudes, only: take_attitudes, attitude_size
     use linkdyn_heard_tables, only: refuse_short_tables
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
+    use linkdyn_linearization, only: linearization
     use linkdyn_motion_batch, only: motion_batch
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator, &
-        keep_simulator, put_simulator_back
+        keep_simulator, put_simulator_back, linearize_simulator
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, find_placing, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, take_kept, copy_numbers
     use linkdyn_payloads, only: evaluate_payloads
@@ -66,7 +67,7 @@ module linkdyn_f2py_api
     public :: api_result_names, api_inverse, api_forward, api_advance, api_events, api_event_results, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
-    public :: api_simulator_pressures, api_keep_simulator, api_put_simulator_back, api_close_state
+    public :: api_simulator_pressures, api_linearize, api_keep_simulator, api_put_simulator_back, api_close_state
     public :: api_sweep_open, api_sweep_advance, api_sweep_kept, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
@@ -984,6 +985,40 @@ contains
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
     end subroutine api_simulator_pressures
+
+    !> How accelerations and joint variables of a simulator's mechanism change where it stands. Efforts are what its actuators are
+    !> told; with follows_laws those become it that have laws in the scene. Values: accelerations, joint variables, their rates;
+    !> columns: of these, one after the other, by coordinates, their rates and efforts.
+    subroutine api_linearize(simulator_handle, follows_laws, n_effort, effort, n_value, value, n_column, column, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        integer(c_int), intent(in) :: follows_laws         ! 0: no
+        integer(c_int), intent(in) :: n_effort, n_value, n_column
+        real(c_double), intent(inout) :: effort(n_effort), value(n_value), column(n_column)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(linearization) :: found
+        type(status_type) :: status
+        integer :: n
+
+        call take_simulator(simulator_handle, here, status)
+        if (status%is_ok()) then
+            associate (model => here%is%model)
+                n = model%n_q + 2*model%n_variable
+                call check_size("effort", int(n_effort, int64), model%n_actuator, 1, status)
+                if (status%is_ok()) call check_size("value", int(n_value, int64), n, 1, status)
+                if (status%is_ok()) call check_size("column", int(n_column, int64), n, 2*model%n_q + model%n_actuator, status)
+            end associate
+        end if
+        if (status%is_ok()) call linearize_simulator(here, effort, follows_laws /= 0, found, status)
+        if (status%is_ok()) then
+            value = found%at
+            column = reshape(found%column, [size(column)])
+        end if
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_linearize
 
     !> Keep the state of a simulator. It must be closed by api_close_state.
     subroutine api_keep_simulator(simulator_handle, state_handle, code, message)

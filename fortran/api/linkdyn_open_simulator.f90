@@ -4,6 +4,7 @@ module linkdyn_open_simulator
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
     use linkdyn_integrator, only: integrator_options
     use linkdyn_kinds, only: wp
+    use linkdyn_linearization, only: linearization
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_simulator, only: simulator_type, simulator_state
@@ -11,7 +12,7 @@ module linkdyn_open_simulator
     implicit none (type, external)
     private
     public :: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
-    public :: keep_simulator, put_simulator_back
+    public :: keep_simulator, put_simulator_back, linearize_simulator
 
     type, extends(held_thing) :: open_simulator
         type(simulator_type) :: is
@@ -63,6 +64,19 @@ contains
         call simulator%is%set(t, q, qd, status, pressure)
         call release_texts()
     end subroutine set_simulator
+
+    !> Columns of a linearization where it stands.
+    subroutine linearize_simulator(simulator, effort, follows_laws, found, status)
+        type(open_simulator), intent(inout) :: simulator
+        real(wp), intent(inout) :: effort(:)           !! (n_actuator) see `linkdyn_simulator`
+        logical, intent(in) :: follows_laws
+        type(linearization), intent(out) :: found
+        type(status_type), intent(inout) :: status
+
+        call hold_texts()
+        call simulator%is%linearize(effort, follows_laws, found, status)
+        call release_texts()
+    end subroutine linearize_simulator
 
     !> Keep the state of a simulator.
     subroutine keep_simulator(handle, simulator, state_handle, status)

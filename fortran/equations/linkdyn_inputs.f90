@@ -19,7 +19,8 @@ module linkdyn_inputs
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
-    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, in_shared, in_step, add_inputs, add_block
+    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, in_shared, in_step, in_direction, add_inputs, &
+        add_block
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -50,7 +51,8 @@ module linkdyn_inputs
     integer, parameter :: in_shared = 23        !! what joints share of reactions that the equations leave open, world axes (6
                                                 !! n_joint)
     integer, parameter :: in_step = 24          !! of a whole step of an integrator, beside the state, as `step_inputs` tells
-    integer, parameter :: n_block = 24
+    integer, parameter :: in_direction = 25     !! in which a state and what acts change, as `linkdyn_linear_program` tells
+    integer, parameter :: n_block = 25
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -61,6 +63,7 @@ module linkdyn_inputs
         logical :: motion_is_given = .false.               !! nothing is placed: whoever runs the kernel knows how links move; and
                                                            !! he gives all driving forces that are not unknown, stops and clutches
                                                            !! push
+        logical :: efforts_are_given = .false.             !! driving forces that are not unknown are inputs, whatever their laws
         logical :: has_columns = .false.                   !! of a motion that is given: how it changes with the coordinates
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
@@ -113,8 +116,8 @@ contains
         call add(in_qdd, [(.not. request%at_rest .and. (request%motion_is_given .or. .not. is_unknown(k)), k=1, model%n_q)])
         call add(in_load, [((has_load(i, k), i=1, 6), k=1, model%n_load)])
         call add(in_target, [((follows_target(model%scene%actuator(k)%law) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
-        call add(in_effort, [((request%motion_is_given .or. is_given(model%scene%actuator(k)%law)) .and. is_known(k), &
-                              k=1, model%n_actuator)])
+        call add(in_effort, [(is_known(k) .and. (request%motion_is_given .or. request%efforts_are_given &
+                                                  .or. is_given(model%scene%actuator(k)%law)), k=1, model%n_actuator)])
         call add(in_branch, [(any(model%step%has_margin .and. model%step%first == k) .and. .not. request%motion_is_given, &
                               k=1, model%n_branch)])
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
@@ -185,7 +188,8 @@ contains
 
     !> Further inputs, which no request asks for.
     subroutine add_inputs(block, n, sample, blocks)
-        integer, intent(in) :: block                       !! `in_unknown`, `in_transposed` or `in_step`
+        integer, intent(in) :: block                       !! `in_unknown`, `in_transposed`, `in_step` or
+                                                           !! `in_direction`
         integer, intent(in) :: n
         type(sample_set), intent(in) :: sample
         type(input_blocks), intent(inout) :: blocks

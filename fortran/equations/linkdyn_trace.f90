@@ -200,7 +200,7 @@ contains
             call add_unknown_drives(traced%mechanism, drive_is_unknown, traced%system, traced%unknowns)
             do i = 1, model%n_actuator
                 if (drive_is_unknown(i)) cycle
-                if (request%motion_is_given) then
+                if (request%motion_is_given .or. request%efforts_are_given) then
                     traced%unknowns%effort(i) = traced%in%of(in_effort)%v(i)
                 else
                     traced%unknowns%effort(i) = given_effort(traced, i)

@@ -10,7 +10,7 @@ module linkdyn_description
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, &
         load_spec, marker_spec, spring_spec, stop_spec, cam_spec, follower_name, measure_joint, &
-        n_event, n_stop, n_controller, n_clutch, side_opening, &
+        n_event, n_stop, n_controller, n_clutch, side_opening, side_torque, side_voltage, effort_inverse, &
         law_none, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     use linkdyn_shared_words, only: shared_components, shared_directions
@@ -61,7 +61,7 @@ contains
         end do
         text = text//'],"actuators":['
         do i = 1, size(scene%actuator)
-            text = text//separator(i)//named(scene%actuator(i)%name, scene%actuator(i)%unit)
+            text = text//separator(i)//actuator_object(scene%actuator(i))
         end do
         text = text//'],"controllers":['
         do i = 1, n_controller(scene)
@@ -457,6 +457,21 @@ contains
                    //pair("has_states", logical_value(actuator%law%side == side_opening))//"}"
         end associate
     end function cylinder_object
+
+    !> An actuator, with the unit of what it is told, and whether a law tells it.
+    function actuator_object(actuator) result(text)
+        type(actuator_spec), intent(in) :: actuator
+        character(len=:), allocatable :: text
+        character(len=len(actuator%unit)) :: unit
+
+        unit = actuator%unit
+        if (actuator%law%side == side_torque) unit = "N m"
+        if (actuator%law%side == side_voltage) unit = "V"
+        if (actuator%law%side == side_opening) unit = "1"
+        text = "{"//pair("name", string(actuator%name))//","//pair("unit", string(actuator%unit))//","// &
+            pair("effort_unit", string(unit))//","// &
+            pair("has_law", trim(merge("false", "true ", actuator%law%kind == effort_inverse)))//"}"
+    end function actuator_object
 
     function named(name, unit) result(text)
         character(len=*), intent(in) :: name, unit

@@ -12,7 +12,7 @@ module linkdyn_forward_record
     use linkdyn_following, only: look_ahead
     use linkdyn_forward_state, only: state_layout, fill_start
     use linkdyn_group_stride, only: close_places
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_place
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_branch, in_place
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -20,6 +20,7 @@ module linkdyn_forward_record
     use linkdyn_laws, only: law_instants, set_instants, evaluate_at_instants, motion_at_instants
     use linkdyn_led_groups, only: lead_places
     use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_linear_program, only: make_linear_program
     use linkdyn_look_program, only: look_choice
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, link_freedom, place_size
@@ -30,7 +31,7 @@ module linkdyn_forward_record
         free_rate_samples, run_rates, run_columns_of_states, apply_laws, take_measures, record_steps
     use linkdyn_recorded_motors, only: settle_losses
     use linkdyn_representatives, only: representative_poses, need_poses, few_links
-    use linkdyn_scene, only: effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
+    use linkdyn_scene, only: effort_law, effort_spring_damper, effort_inverse, effort_constant, measure_joint, measure_touch
     use linkdyn_scene_program, only: input_wiring, wire_inputs
     use linkdyn_stage_places, only: stage_places, prepare_stage_places, predict_stage, keep_stage
     use linkdyn_step_program, only: state_places, step_judge
@@ -39,7 +40,7 @@ module linkdyn_forward_record
     implicit none (type, external)
     private
     public :: forward_record, evaluations_before_record, evaluations_on_lanes, make_forward_rates, make_forward_steps, &
-        use_forward_rates, free_forward_record
+        make_forward_columns, use_forward_rates, free_forward_record
     public :: place_states, place_still, carry_states, place_touches, close_states, close_near, run_states, take_rates, &
         leave_doubtful, doubt_far, keep_stages, apply_record_laws, measure_states, run_losing, &
         is_led_there, accept_recorded
@@ -163,6 +164,34 @@ contains
                           representatives(model, layout, poses%q, poses%assembly), recorded)
         call release_texts()
     end subroutine make_forward_steps
+
+    !> Trace the columns of a linearization, too, with the laws of actuators as the scene has them.
+    subroutine make_forward_columns(model, layout, unknown, law, poses, recorded)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        type(unknown_choice), intent(in) :: unknown
+        type(effort_law), intent(in) :: law(:)         !! (n_actuator)
+        type(representative_poses), intent(in) :: poses
+        type(recorded_rates), intent(inout) :: recorded
+        type(model_type), allocatable, target :: told
+        type(trace_request) :: request
+        type(sample_set) :: sample
+        integer :: i
+
+        allocate (told)
+        told = recorded%model
+        do i = 1, size(law)
+            told%scene%actuator(i)%law = law(i)
+        end do
+        request = request_of(model, layout, unknown)
+        request%by_quaternion = .false.                ! coordinates are what a linearization is told in
+        request%efforts_are_given = .true.
+        sample = representatives(model, layout, poses%q, poses%assembly)
+        sample%of(in_branch)%x = spread(told%branch, 2, sample%n)
+        call hold_texts()
+        call make_linear_program(told, request, sample, recorded%linear, recorded%column)
+        call release_texts()
+    end subroutine make_forward_columns
 
     !> Are links placed by iteration in the record, too? Some it closes at once that the lanes do not: legs in any axes.
     pure logical function places_groups(recorded)

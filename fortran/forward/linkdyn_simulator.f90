@@ -20,11 +20,12 @@ module linkdyn_simulator
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_linearization, only: linearization, linearize_system
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_longest_step, only: too_long_steps_in_words
     use linkdyn_model, only: model_type
     use linkdyn_run_tables, only: list_simulator_tables
-    use linkdyn_scene, only: effort_inverse, side_opening
+    use linkdyn_scene, only: effort_law, effort_inverse, side_opening
     use linkdyn_shared_programs, only: shared_programs, hold_programs, leave_programs
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_undefined
     use linkdyn_stop_starts, only: refuse_beyond_stops, begin_at_stops
@@ -35,6 +36,7 @@ module linkdyn_simulator
 
     type :: simulator_type
         type(model_type), pointer :: model => null()   !! of its own: no coordinate is led, every actuator does as it is told
+        type(effort_law), allocatable :: law(:)        !! of the scene's actuators, for who asks how they would act (n_actuator)
         type(integrator_options) :: options
         type(integrator_type), allocatable :: integrator
         type(forward_system), pointer :: system => null()
@@ -45,7 +47,7 @@ module linkdyn_simulator
         real(wp), private :: t = 0                     !! where it is, as the caller has written it [s]
         type(kinematic_state), private :: scratch
     contains
-        procedure :: open, set, step, read, n_cylinder, read_pressures, keep, put_back, close
+        procedure :: open, set, step, read, n_cylinder, read_pressures, linearize, keep, put_back, close
     end type simulator_type
 
     !> Where a simulator has stood, with all that it remembered: going on from there once more takes the same steps.
@@ -71,6 +73,7 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         type(status_type), intent(inout) :: status
         real(wp) :: q(model%n_q), qd(model%n_q)
+        integer :: i
 
         if (model%n_q == 0) then
             call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a mechanism)")
@@ -82,6 +85,10 @@ contains
         allocate (self%model)
         self%model = model
         self%model%scene%coordinate%is_driven = .false.
+        allocate (self%law(model%n_actuator))
+        do i = 1, model%n_actuator
+            self%law(i) = model%scene%actuator(i)%law
+        end do
         self%model%scene%actuator%law%kind = effort_inverse
         call check_options(options, status)
         if (.not. status%is_ok()) return
@@ -349,6 +356,25 @@ contains
         q = position(1, :)
         qd = rate(1, :)
     end subroutine read
+
+    !> How accelerations change with the state and what drives, where it stands.
+    !>
+    !> **Errors**: it stands nowhere; what no linearization has.
+    subroutine linearize(self, effort, follows_laws, found, status)
+        class(simulator_type), intent(inout) :: self
+        real(wp), intent(inout) :: effort(:)           !! of the actuators, as for `step`; of those that follow laws, theirs
+                                                       !! afterwards
+        logical, intent(in) :: follows_laws            !! of those actuators that have one in the scene
+        type(linearization), intent(out) :: found
+        type(status_type), intent(inout) :: status
+        real(wp), dimension(self%model%n_q) :: q, qd
+        real(wp) :: t
+
+        call need_place(self, status)
+        if (.not. status%is_ok()) return
+        call self%read(t, q, qd)
+        call linearize_system(self%system, self%law, t, self%y(1, :), q, qd, effort, follows_laws, found, status)
+    end subroutine linearize
 
     !> Cylinders whose pressures are states.
     pure integer function n_cylinder(self)

@@ -7,7 +7,7 @@ module linkdyn_formula
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: formula_type, formula_node, add_node, evaluate_formula
+    public :: formula_type, formula_node, add_node, evaluate_formula, differentiate_formula
     public :: node_number, node_symbol, node_add, node_subtract, node_multiply, node_divide, node_negate, node_power, &
               node_whole_power, node_sqrt, node_sin, node_cos, node_tan, node_asin, node_acos, node_atan2, node_abs, node_min, &
               node_max, node_sign, node_step, node_exp, node_log, node_tanh, node_if
@@ -58,7 +58,19 @@ contains
         real(wp), intent(out) :: value(:)          !! (n)
         real(wp), intent(inout) :: mode(:)         !! (n) another number on the other side of a jump: each goes on from the last
                                                    !! one's
-        real(wp) :: v(size(value), formula%n), nan
+        real(wp) :: v(size(value), formula%n)
+
+        call evaluate_nodes(formula, measure, law, v, mode)
+        value = v(:, formula%n)
+    end subroutine evaluate_formula
+
+    !> All its nodes at all samples.
+    pure subroutine evaluate_nodes(formula, measure, law, v, mode)
+        type(formula_type), intent(in) :: formula
+        real(wp), intent(in) :: measure(:, :), law(:, :)   !! as above
+        real(wp), intent(out) :: v(:, :)           !! (n, node)
+        real(wp), intent(inout) :: mode(:)
+        real(wp) :: nan
         integer :: i
 
         nan = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -125,6 +137,76 @@ contains
                 mode = 3*mode + merge(1.0_wp, 0.0_wp, v(:, formula%node(i)%a) > 0)
             end select
         end do
-        value = v(:, formula%n)
-    end subroutine evaluate_formula
+    end subroutine evaluate_nodes
+
+    !> How a formula changes at one sample, on several ways on which what it takes changes. At a jump or kink it is the side that it
+    !> is evaluated on that counts.
+    pure subroutine differentiate_formula(formula, measure, law, measure_rate, law_rate, rate)
+        type(formula_type), intent(in) :: formula
+        real(wp), intent(in) :: measure(:), law(:)
+        real(wp), intent(in) :: measure_rate(:, :), law_rate(:, :)     !! (way, measure), (way, law)
+        real(wp), intent(out) :: rate(:)           !! (way)
+        real(wp) :: v(1, formula%n), of(size(rate), formula%n), mode(1)
+        integer :: i
+
+        mode = 0
+        call evaluate_nodes(formula, reshape(measure, [1, size(measure)]), reshape(law, [1, size(law)]), v, mode)
+        do i = 1, formula%n
+            associate (node => formula%node(i), a => formula%node(i)%a, b => formula%node(i)%b, c => formula%node(i)%c, &
+                       x => v(1, :), y => v(1, i))
+                select case (node%op)
+                case (node_symbol)
+                    if (a > 0) of(:, i) = measure_rate(:, a)
+                    if (a < 0) of(:, i) = law_rate(:, -a)
+                case (node_add)
+                    of(:, i) = of(:, a) + of(:, b)
+                case (node_subtract)
+                    of(:, i) = of(:, a) - of(:, b)
+                case (node_multiply)
+                    of(:, i) = of(:, a)*x(b) + x(a)*of(:, b)
+                case (node_divide)
+                    of(:, i) = (of(:, a) - y*of(:, b))/x(b)
+                case (node_negate)
+                    of(:, i) = -of(:, a)
+                case (node_power)
+                    of(:, i) = x(b)*x(a)**(x(b) - 1)*of(:, a)
+                    if (x(a) > 0) of(:, i) = of(:, i) + y*log(x(a))*of(:, b)
+                case (node_whole_power)
+                    of(:, i) = 0
+                    if (b /= 0) of(:, i) = b*x(a)**(b - 1)*of(:, a)
+                case (node_sqrt)
+                    of(:, i) = of(:, a)/(2*y)
+                case (node_sin)
+                    of(:, i) = cos(x(a))*of(:, a)
+                case (node_cos)
+                    of(:, i) = -sin(x(a))*of(:, a)
+                case (node_tan)
+                    of(:, i) = (1 + y**2)*of(:, a)
+                case (node_asin)
+                    of(:, i) = of(:, a)/sqrt(1 - x(a)**2)
+                case (node_acos)
+                    of(:, i) = -of(:, a)/sqrt(1 - x(a)**2)
+                case (node_atan2)
+                    of(:, i) = (x(b)*of(:, a) - x(a)*of(:, b))/(x(a)**2 + x(b)**2)
+                case (node_abs)
+                    of(:, i) = sign(1.0_wp, x(a))*of(:, a)
+                case (node_min)
+                    of(:, i) = merge(of(:, a), of(:, b), x(a) <= x(b))
+                case (node_max)
+                    of(:, i) = merge(of(:, a), of(:, b), x(a) >= x(b))
+                case (node_exp)
+                    of(:, i) = y*of(:, a)
+                case (node_log)
+                    of(:, i) = of(:, a)/x(a)
+                case (node_tanh)
+                    of(:, i) = (1 - y**2)*of(:, a)
+                case (node_if)
+                    of(:, i) = merge(of(:, b), of(:, c), x(a) > 0)
+                case default                       ! numbers, and steps
+                    of(:, i) = 0
+                end select
+            end associate
+        end do
+        rate = of(:, formula%n)
+    end subroutine differentiate_formula
 end module linkdyn_formula

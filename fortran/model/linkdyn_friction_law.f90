@@ -5,7 +5,7 @@ module linkdyn_friction_law
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: friction_of_speed, friction_of_speeds, friction_one_way
+    public :: friction_of_speed, friction_of_speeds, friction_one_way, friction_slope
 
 contains
 
@@ -18,6 +18,28 @@ contains
         call friction_of_speeds([contact], 1, reshape([speed], [1, 1]), one)
         c = one(1, 1)
     end function friction_of_speed
+
+    !> How c changes with the square of the speed, of which it is a smooth function also at rest.
+    pure elemental real(wp) function friction_slope(contact, square) result(slope)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: square        !! [m2/s2]
+        real(wp), parameter :: small = 1.0e-3_wp      !! below it the series is exact, above it the difference
+        real(wp) :: x2, t, t_slope
+
+        slope = 0
+        if (.not. rubs_drily(contact)) return
+        x2 = max(square, 0.0_wp)/contact%creep_speed**2
+        if (x2 > small) then
+            t = tanh(sqrt(x2))/sqrt(x2)
+            t_slope = ((1 - x2*t**2) - t)/(2*x2)
+        else
+            t = 1 - x2*(1/3.0_wp - x2*(2/15.0_wp - x2*(17/315.0_wp - x2*62/2835.0_wp)))
+            t_slope = -1/3.0_wp + x2*(4/15.0_wp - x2*(17/105.0_wp - x2*248/2835.0_wp))
+        end if
+        slope = sliding_coefficient(contact, sqrt(max(square, 0.0_wp)))*t_slope/contact%creep_speed**3
+        if (contact%stribeck_speed > 0) slope = slope - t/contact%creep_speed/contact%stribeck_speed**2 &
+            *(sliding_coefficient(contact, sqrt(max(square, 0.0_wp))) - contact%coulomb)
+    end function friction_slope
 
     !> The same of a contact that may stick and is known to slide one way: it rubs as a surface does that slides, however slowly;
     !> one that holds does not rub.

@@ -1,13 +1,13 @@
 !> Values of laws over the state, given what they depend on.
 module linkdyn_law_values
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_formula, only: evaluate_formula
+    use linkdyn_formula, only: evaluate_formula, differentiate_formula
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: law_book, state_law, measure_time
     use linkdyn_table, only: table_place, find_places, evaluate_table, lies_within
     implicit none (type, external)
     private
-    public :: evaluate_laws, law_argument, is_outside, rows_over_time
+    public :: evaluate_laws, differentiate_laws, law_argument, is_outside, rows_over_time
 
 contains
 
@@ -31,6 +31,33 @@ contains
             value(:, k) = found
         end do
     end subroutine evaluate_laws
+
+    !> How all laws change at one sample, on several ways on which their measures change.
+    pure subroutine differentiate_laws(book, measure, value, measure_rate, rate)
+        type(law_book), intent(in) :: book
+        real(wp), intent(in) :: measure(:)         !! (measure)
+        real(wp), intent(in) :: value(:)           !! (law), as evaluated there
+        real(wp), intent(in) :: measure_rate(:, :) !! (way, measure)
+        real(wp), intent(out) :: rate(:, :)        !! (way, law)
+        real(wp) :: of_formula(size(rate, 1))
+        real(wp), dimension(1) :: at, found, slope
+        integer :: k
+
+        rate = 0
+        do k = 1, size(book%law)
+            associate (law => book%law(k), over => book%law(k)%over)
+                if (over == 0) then
+                    call differentiate_formula(law%formula, measure, value, measure_rate, rate, of_formula)
+                    rate(:, k) = of_formula
+                    cycle
+                end if
+                at = law_argument(law, reshape(measure, [1, size(measure)]), reshape(value, [1, size(value)]))
+                call look_up(law, at, found, slope)
+                if (over > 0) rate(:, k) = slope(1)*measure_rate(:, over)
+                if (over < 0) rate(:, k) = slope(1)*rate(:, -over)
+            end associate
+        end do
+    end subroutine differentiate_laws
 
     !> What the table of a law is read at.
     pure function law_argument(law, measure, value) result(argument)
@@ -82,12 +109,13 @@ contains
         row = pack(row, row > first .and. row < last)
     end function rows_over_time
 
-    pure subroutine look_up(law, argument, value)
+    pure subroutine look_up(law, argument, value, slope)
         type(state_law), intent(in) :: law
         real(wp), intent(in) :: argument(:)        !! (n)
         real(wp), intent(out) :: value(:)          !! (n)
+        real(wp), intent(out), optional :: slope(:)    !! (n)
         type(table_place) :: place(size(argument))
-        real(wp) :: at(size(argument))
+        real(wp) :: at(size(argument)), bend(size(argument))
         logical :: is_lost(size(argument))
         integer :: near
 
@@ -97,7 +125,11 @@ contains
         where (is_lost) at = law%table%time(1)
         near = 1
         call find_places(law%table%time, at, near, place)
-        call evaluate_table(law%table, place, value)
+        if (present(slope)) then
+            call evaluate_table(law%table, place, value, slope, bend)
+        else
+            call evaluate_table(law%table, place, value)
+        end if
         where (is_lost) value = ieee_value(1.0_wp, ieee_quiet_nan)
     end subroutine look_up
 end module linkdyn_law_values

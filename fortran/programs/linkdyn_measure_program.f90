@@ -16,7 +16,7 @@ module linkdyn_measure_program
     use linkdyn_value, only: value, zero, cos, reciprocal, select, operator(-)
     implicit none (type, external)
     private
-    public :: make_measure_program, out_measures
+    public :: make_measure_program, measured, out_measures
 
     !> All that the program gives: the measures of the scene's law book, then the rates of the joint variables that actuators drive
     !> (n_actuator; zero where a law gives the driving force itself), and the joint variables of cylinders with a valve

@@ -11,6 +11,7 @@ module linkdyn_recorded_rates
         in_branch, in_pull, in_base, in_payload, in_place, in_counted, in_sense, n_block
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
+    use linkdyn_linear_program, only: linear_outputs
     use linkdyn_loss_balance, only: lossy_samples
     use linkdyn_look_program, only: look_choice, look_outputs, make_look_program, out_looks
     use linkdyn_measure_program, only: make_measure_program, out_measures
@@ -43,6 +44,8 @@ module linkdyn_recorded_rates
         type(look_outputs) :: look
         type(scene_program) :: steps                   !! whole ones of equal length; not made before somebody asks
         type(step_outputs) :: step
+        type(scene_program) :: linear                  !! columns of a linearization; not made before somebody asks
+        type(linear_outputs) :: column
         type(friction_programs) :: friction            !! not made if nothing rubs
         type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no
                                                        !! places
@@ -143,6 +146,7 @@ contains
         call free_scene_program(recorded%measures)
         call free_scene_program(recorded%looks)
         call free_scene_program(recorded%steps)
+        call free_scene_program(recorded%linear)
         call free_friction_programs(recorded%friction)
         call recorded%closing%free()
         if (associated(recorded%model)) deallocate (recorded%model)

@@ -314,6 +314,20 @@ class RunAccessor:
         except ImportError as error:
             raise UnavailableError.of("to_parquet needs pyarrow", "pyarrow", "parquet", error) from None
 
+    def to_control(self) -> Any:
+        """What `Scene.linearize` has given as a ``StateSpace`` of python-control, with its names (a dot in them becomes an underscore).
+
+        Raises
+        ------
+        UnavailableError
+            python-control is not installed.
+        InputError
+            It is no linearization.
+        """
+        from ._linear import to_control
+
+        return to_control(self._given)
+
     def _write(self, file: str | os.PathLike[str], content: Callable[[pd.DataFrame], str | bytes]) -> Path:
         from .results import inputs_of
 

@@ -600,6 +600,16 @@ def step_simulator(simulator: int, t_end: float, force: Floats, n_force: int, q:
     return float(t)
 
 
+def linearize(simulator: int, follows_laws: bool, effort: Floats, n_q: int, n_variable: int) -> tuple[Floats, Floats, Floats]:
+    """Efforts at which a simulator's mechanism is linearized where it stands; accelerations, joint variables and their rates there; how
+    these change (of, by coordinates, rates, efforts)."""
+    n, by = n_q + 2 * n_variable, 2 * n_q + len(effort)
+    told, value, column = np.zeros(max(1, len(effort))), np.zeros(n), np.zeros((by, n))
+    told[: len(effort)] = effort
+    check(*_api.api_linearize(simulator, follows_laws, told[: len(effort)], value, column.ravel()))
+    return told[: len(effort)], value, column.T
+
+
 def keep_simulator(simulator: int) -> int:
     """Its state, to be closed by `close_state`."""
     state, code, message = _api.api_keep_simulator(simulator)

@@ -15,7 +15,7 @@ __all__ = ["executable", "main", "quadruple_twin"]
 __dir__ = only(__all__)
 
 PROGRAMS = Path(__file__).parent / "_bin"
-OF_PACKAGE = ("new", "draw", "convert", "balance")
+OF_PACKAGE = ("new", "draw", "convert", "balance", "linearize")
 """Commands of the package alone."""
 BESIDE_EXECUTABLE = ("view", "assemblies")
 """Commands of the package that go with an executable."""

@@ -616,6 +616,61 @@ class Scene:
         method = _bind.default_method() if method is None else as_name("method", method)
         return Simulator(self, self._handle, method, settings, as_number("t", t))
 
+    def linearize(
+        self,
+        t: float | None = None,
+        *,
+        q: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        effort: ArrayLike | None = None,
+        outputs: str | Iterable[str] | None = None,
+    ) -> xr.Dataset:
+        """The mechanism near a state as a linear system, x' = A x + B u, y = C x + D u, for the design of controllers.
+
+        x are deviations of coordinates and their rates, u of what actuators are told. The matrices are exact derivatives of the equations of
+        motion: no step is taken. Springs, dampers, friction, loads and laws over the state have their part in A, as have laws of actuators that
+        compare the motion of a joint; u comes on top of these. Coordinates that a forward run leads along a motion are free here. What changes with time
+        alone stands still.
+
+        Parameters
+        ----------
+        t
+            Instant [s] of laws, and of the scene's motion; default: its first one.
+        q, qd
+            (n_q,) Coordinates and their rates [m, rad; /s]; default: those of the scene's motion at ``t``, or of its start. Of several assemblies
+            at q it is the one that the way from the scene's start leads to.
+        effort
+            (n_actuator,) What the actuators are told, as `Simulator.step` takes it: their laws play no part then. Default: what their laws
+            tell; of an actuator without one the driving force of the scene's motion, or where q or qd is given the one that keeps all rates
+            (zero where there are fewer drives than coordinates).
+        outputs
+            Of "q", "qd", "qdd", "joint_variable", "joint_rate", all of a kind, or single ones such as "qdd[J1]"; default: "q" and "qd".
+
+        Returns
+        -------
+        xarray.Dataset
+            "A" (state, state_in), "B" (state, input), "C" (output, state_in), "D" (output, input) in SI units; "x" (state), "u" (input) and "y"
+            (output), the values linearized at; "residual" (state), the rates of the state there, zero at an equilibrium (``attrs["is_equilibrium"]``:
+            1 where none exceeds 1e-9). Eigenvalues of A by "growth" [1/s] and "angular_frequency" [rad/s] (pole), their real and imaginary
+            parts, with "frequency" [Hz] and "damping_ratio". Coordinates "state_unit", "input_unit", "output_unit".
+            ``.linkdyn.to_control()`` makes it a system of python-control, ``scipy.signal.StateSpace(*(lin[m].values for m in "ABCD"))`` one of SciPy.
+
+        Raises
+        ------
+        InputError
+            A part with a state of its own or that may hold: a controller, clutch, brake, winding, cylinder, a joint that sticks, a motor that
+            loses torque or is at its limits, a stop that is touched. A state that cannot be assembled, or at a dead point.
+
+        Examples
+        --------
+        >>> lin = linkdyn.load("examples/fourbar/scene.toml").linearize(0.3, outputs=["q", "qdd[J1]"])
+        >>> lin.A.shape, lin.D.shape
+        ((2, 2), (2, 1))
+        """
+        from ._linear import linearize
+
+        return linearize(self, t, q, qd, effort, outputs)
+
     def forward(
         self,
         t_end: float | None = None,
