@@ -51,7 +51,7 @@ def by_inverse_dynamics(scene: linkdyn.Scene, lin: Any, h: float) -> tuple[np.nd
     q, qd, qdd, t = lin.x.values[:n], lin.x.values[n:], lin.residual.values[n:], float(lin.time)
 
     def force(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        rows = max(q.ndim and len(np.atleast_2d(q)), len(np.atleast_2d(qd)), len(np.atleast_2d(qdd)))
+        rows = max(len(np.atleast_2d(v)) for v in (q, qd, qdd))
         given = (np.array(np.broadcast_to(v, (rows, n))) for v in (q, qd, qdd))
         return scene.inverse(*given, t=np.full(rows, t), solver="lapack", want="driving_force").driving_force.values
 
