@@ -50,7 +50,7 @@ def linearize_command(arguments: Sequence[str]) -> int:
             fate = "fades" if growth < 0.0 else "grows"
             constant = f"{1 / abs(growth):.4g} s" if growth else ""
             if turning:
-                say(_line(f"{frequency:.4g} Hz", f"{100 * damping:.3g} %", constant, f"swings and {fate}" if growth else "swings"))
+                say(_line(f"{frequency:.4g} Hz", f"{100 * damping + 0.0:.3g} %", constant, f"swings and {fate}" if growth else "swings"))
             else:
                 say(_line("", "", constant, fate))
     return 0
