@@ -371,6 +371,7 @@ contains
             if (operator /= "") reader%next = reader%next + 1
             letter = next_letter(reader)
             if (is_variable(reader, names, operator)) exit
+            call check_power(reader, names, operator)
             if (.not. found%has_unit) call check_double_meaning(reader, names, operator)
             if (scan(letter, letters//"%(") == 0 .or. (letter == "(" .and. operator == "")) exit
             call read_unit(reader%text, reader%next, factor, power, is_one)
@@ -398,6 +399,9 @@ contains
 
             name = name_at(reader%text, reader%next)
             is_variable = operator == "*" .and. .not. found%has_unit .and. names%has(name)
+            ! "13 N*s/m*m0": no unit is called so
+            if (operator /= "" .and. verify(name, letters) > 0) &
+                is_variable = is_variable .or. (names%has(name) .and. .not. is_power_of_unit(name))
             behind = reader%next + len(name)
             behind = behind + max(0, verify(reader%text(behind:)//".", " ") - 1)
             if (behind <= len(reader%text)) &
@@ -405,6 +409,32 @@ contains
                                                 reader%text(behind:behind) == "(")
         end function is_variable
     end subroutine read_quantity
+
+    !> "0.5 kg*m2" where m2 is a variable, too.
+    subroutine check_power(reader, names, operator)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(in) :: names
+        character(len=1), intent(in) :: operator        !! in front of the name
+        character(len=:), allocatable :: name
+
+        if (operator == "") return
+        name = name_at(reader%text, reader%next)
+        if (.not. is_power_of_unit(name)) return
+        if (names%has(name)) call fail(reader, "may mean a power of the unit or the variable "//quoted(name)//" (expected '" &
+                                       //name(:len(name) - 1)//"^"//name(len(name):) &
+                                       //"' for the unit, the variable in front of the number)")
+    end subroutine check_power
+
+    !> "m2": a unit and its exponent, which nobody writes if it is 1.
+    pure logical function is_power_of_unit(name)
+        character(len=*), intent(in) :: name
+        integer :: n
+
+        n = len(name) - 1
+        is_power_of_unit = .false.
+        if (n < 1) return
+        is_power_of_unit = scan(name(n + 1:), "23456789") > 0 .and. is_unit_name(name(:n))
+    end function is_power_of_unit
 
     !> "2/s" where s is a variable, too: nobody knows which one is meant.
     subroutine check_double_meaning(reader, names, operator)

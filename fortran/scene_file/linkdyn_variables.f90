@@ -310,11 +310,32 @@ contains
             behind = adjustl(text)
             behind = adjustl(behind(verify(behind//"?", "+-.0123456789eE"):))
             is_plain = .not. variables%has_unit_names .or. scan(behind(:min(1, len(behind))), "*/") == 0
-            is_plain = is_plain .and. .not. takes_off(text)
+            is_plain = is_plain .and. .not. (takes_off(text) .or. names_variable(text, variables))
         else
             is_plain = len_trim(text) == 0
         end if
     end subroutine read_plain
+
+    !> "10 m/s^2*m1" would do for a unit, too. Does a variable whose name has figures stand behind a sign?
+    pure logical function names_variable(text, variables)
+        character(len=*), intent(in) :: text
+        class(variable_table), intent(in) :: variables
+        character(len=:), allocatable :: before
+        integer :: first, n
+
+        names_variable = .false.
+        first = 1
+        do while (first <= len(text))
+            n = verify(text(first:)//" ", name_letters) - 1
+            if (scan(text(first:first + n - 1), "0123456789") > 1) then
+                before = trim("?"//text(:first - 1))
+                names_variable = scan(before, "*/", back=.true.) == len(before) &
+                                 .and. index_of(variables, text(first:first + n - 1)) > 0
+                if (names_variable) return
+            end if
+            first = first + max(n, 1)
+        end do
+    end function names_variable
 
     !> "3 m-1 m" would do for a unit, too, m^-1 m. Where quantities alike stand on both sides of a minus it takes off.
     pure logical function takes_off(text)

@@ -79,6 +79,12 @@ def random_text(dice: random.Random, depth: int) -> str:
     return f"{dice.choice(['min', 'max', 'atan2'])}({inner[0]}, {inner[1]})"
 
 
+def test_names_with_figures_behind_units_are_variables():
+    """Nobody writes an exponent that is 1, and none is 0."""
+    found = values_of(m0=3, m1="4 kg", s10=5, a="2 N*m0", b="10 m/s^2*m1", c="6 N/s10")
+    assert (found["a"], found["b"], found["c"]) == (6, 40, 1.2)
+
+
 def test_arithmetic_is_that_of_python():
     dice = random.Random(20261122)
     texts, expected = {}, {}
@@ -194,6 +200,7 @@ def tomli_keys(table: dict) -> list[str]:
         ({"x": ""}, "does not start with a number"),
         ({"x": "2/s", "s": 3}, "may mean the unit or the variable 's'"),
         ({"x": "2*(s)", "s": 3}, "may mean the unit or the variable 's'"),
+        ({"x": "2 kg*m2", "m2": 3}, "may mean a power of the unit or the variable 'm2'"),
         ({"s": "3 s"}, "variable 's': is a time, as the unit of that name is"),
         ({"mm": "1 m"}, "variable 'mm': is a length, as the unit of that name is"),
         ({"pi": 3}, "variable 'pi': this name has a meaning in arithmetic"),
