@@ -20,13 +20,16 @@ contains
         integer, intent(in) :: j
         type(value), allocatable :: q(:)
         type(value) :: slide(3)
+        logical :: is_told
         integer :: k, c
 
         q = mechanism%told_kind(j)%is%variables(told_pair_of(mechanism, j))
+        ! what is left of a joint that lets go slides along axes of its own
+        is_told = has_slide(mechanism, j) .and. mechanism%model%joint(j)%kind == mechanism%model%joint(j)%told_kind
         do k = 1, size(q)
             c = coordinate_of_variable(mechanism, j, k)
             if (c > 0) q(k) = mechanism%q(c)
-            if (.not. (mechanism%told_kind(j)%is%is_slide(k) .and. has_slide(mechanism, j))) cycle
+            if (.not. (mechanism%told_kind(j)%is%is_slide(k) .and. is_told)) cycle
             slide = components(mechanism%slide(j))
             q(k) = slide(mechanism%told_kind(j)%is%axis(k))
         end do
