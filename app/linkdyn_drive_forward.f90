@@ -170,26 +170,26 @@ contains
         end do
         call show_stage("writing")
         call note_run(watched%run, output, status)
-        call note_events(watched%run%own%scene, watched%run%system%way%log, watched%sides, output, status)
-        call add_sides(watched, summary)
+        if (watched%run%system%way%log%n > 0) call tell_events(watched, output, summary, status)
         call note_roads(summary%roads, output, status)
         call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 
-    !> What stands beside events is no sample, but may be the largest.
-    subroutine add_sides(watched, summary)
+    !> What has happened, with what stands beside it, which is no sample, but may be the largest.
+    subroutine tell_events(watched, output, summary, status)
         type(watched_run), intent(in) :: watched
+        type(output_type), intent(inout) :: output
         type(summary_type), intent(inout) :: summary
+        type(status_type), intent(inout) :: status
         type(block_type) :: block
 
-        if (.not. allocated(watched%sides%block%of)) return
-        associate (log => watched%run%system%way%log)
-            if (log%n == 0) return
-            call sort_by_events(watched%sides, log%entry(:log%n)%beside, block)
-            call add_events_to_summary(watched%sides%layout, block, log%entry(:log%n)%t, summary)
+        associate (log => watched%run%system%way%log, sides => watched%sides)
+            call sort_by_events(sides, log%entry(:log%n)%beside, block)
+            call note_events(watched%run%own%scene, log, sides%layout, block, output, status)
+            if (allocated(block%of)) call add_events_to_summary(sides%layout, block, log%entry(:log%n)%t, summary)
         end associate
-    end subroutine add_sides
+    end subroutine tell_events
 
     !> How the run went, for the file.
     subroutine note_run(run, output, status)

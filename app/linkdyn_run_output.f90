@@ -3,7 +3,6 @@ module linkdyn_run_output
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_event_log, only: event_log
-    use linkdyn_event_sides, only: event_sides, sort_by_events
     use linkdyn_model, only: model_type, shared_reactions
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, &
         put_event_sides, note_netcdf, close_netcdf
@@ -153,20 +152,18 @@ contains
         call note_result("assemblies_found_anew", to_text(summary%anew%n), output, status)
     end subroutine note_assembly
 
-    !> What has happened in a forward run, if anything has, with the results beside it.
-    subroutine note_events(scene, log, sides, output, status)
+    !> What has happened in a forward run, one thing at least, with the results beside it.
+    subroutine note_events(scene, log, layout, block, output, status)
         type(scene_type), intent(in) :: scene
         type(event_log), intent(in) :: log
-        type(event_sides), intent(in) :: sides
+        type(layout_type), intent(in) :: layout      !! of the results on both sides
+        type(block_type), intent(in) :: block        !! two samples an event; not allocated: none
         type(output_type), intent(inout) :: output
         type(status_type), intent(inout) :: status
-        type(block_type) :: block
 
-        if (output%is_none .or. output%is_csv .or. log%n == 0) return
+        if (output%is_none .or. output%is_csv) return
         call put_event_table(scene%event%name, log, output%netcdf, status)
-        if (.not. allocated(sides%block%of)) return
-        call sort_by_events(sides, log%entry(:log%n)%beside, block)
-        call put_event_sides(sides%layout, log%n, block, output%netcdf, status)
+        if (allocated(block%of)) call put_event_sides(layout, log%n, block, output%netcdf, status)
     end subroutine note_events
 
     subroutine close_results(output, status)

@@ -818,10 +818,10 @@ contains
         if (status%is_ok()) then
             associate (log => here%watched%run%system%way%log, sides => here%watched%sides)
                 if (n > log%n) call fail(status, status_bad_input, "there are fewer events than that")
-                if (.not. allocated(sides%block%of)) call fail(status, status_bad_input, "nobody has looked at the events")
                 if (status%is_ok()) call sort_by_events(sides, log%entry(:n)%beside, block)
             end associate
         end if
+        if (status%is_ok() .and. .not. allocated(block%of)) call fail(status, status_bad_input, "nobody has looked at the events")
         if (status%is_ok()) call check_rows(block, n_values, n_numbers, status)
         if (status%is_ok()) call flatten(block, values, numbers)
         call leave_run(run_handle, here)

@@ -470,7 +470,7 @@ contains
         if (actuator%law%side == side_opening) unit = "1"
         text = "{"//pair("name", string(actuator%name))//","//pair("unit", string(actuator%unit))//","// &
             pair("effort_unit", string(unit))//","// &
-            pair("has_law", trim(merge("false", "true ", actuator%law%kind == effort_inverse)))//"}"
+            pair("has_law", logical_value(actuator%law%kind /= effort_inverse))//"}"
     end function actuator_object
 
     function named(name, unit) result(text)

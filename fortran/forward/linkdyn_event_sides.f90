@@ -52,7 +52,7 @@ contains
         run%system%witness => sides
     end subroutine watch_events
 
-    !> What is kept, by the events of the log: two samples an event, before and behind.
+    !> What is kept, by the events of the log: two samples an event, before and behind. Nothing if nobody has looked.
     subroutine sort_by_events(sides, beside, block)
         type(event_sides), intent(in) :: sides
         integer, intent(in) :: beside(:)               !! as of the events' entries
@@ -60,6 +60,7 @@ contains
         type(block_type) :: one
         integer :: i, k, width, from, to
 
+        if (.not. allocated(sides%block%of)) return
         call prepare_block(sides%layout, n_side*size(beside), block)
         call prepare_block(sides%layout, 1, one)
         call leave_out(sides%layout, one)

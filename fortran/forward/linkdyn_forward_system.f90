@@ -527,8 +527,7 @@ contains
         type(model_type), intent(in), target, optional :: motion_model  !! whose coordinates have the scene's motion; absent: model
         type(unknown_choice) :: unknown
         type(kernel_family), pointer :: kernels
-        integer :: i
-        integer :: stage_solver
+        integer :: stage_solver, i
 
         system%model => model
         call choose_unknowns(model, unknown, status)

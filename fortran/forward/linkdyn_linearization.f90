@@ -150,19 +150,29 @@ contains
                     change(:, 0) = factor*press - friction
                     change(:, 1:) = spread(factor, 2, n)*press_rate(:, :n) + spread(slope*press, 2, n)*square_rate(:, :n)
                 end associate
-                do k = 0, n
-                    scaled = matrix
-                    call solve_dense(workspace, scaled, change(:, k), rcond, error, fails)
-                    if (fails) return
-                end do
+                call solve_for(0)
+                if (fails) return
                 friction = friction + change(:, 0)
                 if (maxval(abs(change(:, 0))) <= enough*maxval(abs(friction))) exit
+            end do
+            do k = 1, n
+                call solve_for(k)
+                if (fails) return
             end do
             fails = round > most_rounds
             associate (rate => column(out%change + 1:2*out%change, :))
                 rate(:, :n) = rate(:, :n) + matmul(rate(:, n + 1:), change(:, 1:))
             end associate
         end associate
+
+    contains
+
+        subroutine solve_for(k)
+            integer, intent(in) :: k                   !! change
+
+            scaled = matrix
+            call solve_dense(workspace, scaled, change(:, k), rcond, error, fails)
+        end subroutine solve_for
     end subroutine settle_friction
 
     !> What laws give at the state, and how it changes along the directions.
@@ -233,7 +243,7 @@ contains
 
             associate (row => place%effort + i - 1, from => out%effort + i - 1)
                 if (law(i)%kind == effort_over) then
-                    scale = system%model%scene%laws%scale**effort_power_of(i)
+                    scale = system%model%scene%laws%scale**effort_power(system%model, i)
                     effort(i) = scale*system%record%samples%law(law(i)%target%law, 1)
                     call add(law(i)%target, scale, row)
                 else if (compares_motion(law(i))) then
@@ -246,12 +256,6 @@ contains
                 end if
             end associate
         end subroutine follow_law
-
-        integer function effort_power_of(i)
-            integer, intent(in) :: i
-
-            effort_power_of = effort_power(system%model, i)
-        end function effort_power_of
 
         !> From what a motor is told, its torque or voltage, to what it gives at its joint.
         subroutine turn_motor(i)

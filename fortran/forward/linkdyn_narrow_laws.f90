@@ -125,7 +125,7 @@ contains
         real(wp), intent(in) :: gap                    !! the widest one between stages, part of the step
         type(law_sight), intent(inout) :: sight
         real(wp), intent(out) :: part
-        real(wp) :: followed(size(measure, 1), size(measure, 2)), rounding(size(book%law)), asked
+        real(wp) :: followed(size(measure, 1), size(measure, 2)), least(size(book%law)), asked
         real(wp), allocatable :: value(:, :), mode(:)
         integer :: n, k
 
@@ -143,14 +143,27 @@ contains
         n = max(fewest, ceiling(asked))
         allocate (value(n + 1, size(book%law)), mode(n + 1))
         call evaluate_laws(book, refined(followed, n), value, mode)
-        rounding = rounding_of_laws(book, followed, sizes_of(book, sight%size, speed))
         do k = 1, size(book%law)
             call fill_gaps(value(:, k))
             sight%largest(k) = max(sight%largest(k), maxval(abs(value(:, k))))
-            associate (least => noise*sight%largest(k) + rounding(k))
-                part = min(part, part_before_peak(value(:, k), gap, least), part_before_peak(-value(:, k), gap, least))
-            end associate
         end do
+        least = noise*sight%largest
+        part = part_of_all()
+        if (part >= 1) return                          ! as nearly always: how far rounding goes need not be asked
+        least = least + rounding_of_laws(book, followed, sizes_of(book, sight%size, speed))
+        part = part_of_all()
+
+    contains
+
+        !> Up to where the first peak or dip begins.
+        pure real(wp) function part_of_all() result(first)
+            integer :: k
+
+            first = 1
+            do k = 1, size(least)
+                first = min(first, part_before_peak(value(:, k), gap, least(k)), part_before_peak(-value(:, k), gap, least(k)))
+            end do
+        end function part_of_all
     end subroutine find_part_in_sight
 
     !> What numbers that measures are found from are of the size of; the measures themselves may be differences of these.
@@ -171,20 +184,18 @@ contains
         real(wp), intent(in) :: measure(:, :)          !! (place, measure)
         real(wp), intent(in) :: size_of(:)             !! (measure)
         real(wp) :: rounding(size(book%law))
-        integer, parameter :: quarter(3) = [1, 2, 3]
         real(wp), dimension(3, size(book%law)) :: value, moved, change
-        real(wp) :: at(3, size(measure, 2)), mode(3)
+        real(wp) :: at(3, size(measure, 2)), number(3), mode(3)
         integer :: k, m
 
-        at = measure(1 + quarter*(size(measure, 1) - 1)/4, :)
+        at = measure(1 + [1, 2, 3]*(size(measure, 1) - 1)/4, :)
         call evaluate_laws(book, at, value, mode)
         change = 0
         do m = 1, size(measure, 2)
-            associate (number => measure(1 + quarter*(size(measure, 1) - 1)/4, m))
-                at(:, m) = number + last_digits*(abs(number) + size_of(m))
-                call evaluate_laws(book, at, moved, mode)
-                at(:, m) = number
-            end associate
+            number = at(:, m)
+            at(:, m) = number + last_digits*(abs(number) + size_of(m))
+            call evaluate_laws(book, at, moved, mode)
+            at(:, m) = number
             change = change + abs(moved - value)
         end do
         do k = 1, size(book%law)

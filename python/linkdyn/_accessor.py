@@ -224,8 +224,7 @@ class RunAccessor:
         if "component" in values.dims:
             columns: dict[str, Any] = {}
             for part, letter in GROUPS.items():
-                components = [name for name in values.component.values if str(name).startswith(letter)]
-                places = [k for k, name in enumerate(values.component.values) if name in components]
+                places = [k for k, name in enumerate(values.component.values) if str(name).startswith(letter)]
                 size = np.linalg.norm(self._sides.behind(quantity)[..., places], axis=-1)
                 columns |= self._peaks(size, part, f"{part}_")
             label = next(name for name in values.dims if name not in ("sample", "component"))

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-__all__ = ["EventSides", "event_words"]
+__all__ = ["EventSides", "event_words", "events_within"]
 
 Values = NDArray[np.float64]
 
@@ -29,10 +29,7 @@ class EventSides:
     @classmethod
     def of(cls, run: xr.Dataset) -> EventSides:
         """None at all where nothing is told beside events, or samples have no time."""
-        events: NDArray[np.intp] = np.zeros(0, np.intp)
-        if "side" in run.dims and "event_time" in run and "time" in run.coords and run.time.size:
-            instants, time = run.event_time.values, np.atleast_1d(run.time.values)
-            events = np.flatnonzero((instants >= time.min()) & (instants <= time.max()))
+        events = events_within(run) if "side" in run.dims else np.zeros(0, np.intp)
         time = np.repeat(run.event_time.values[events], 2) if events.size else np.zeros(0)
         return cls(run, events, time)
 
@@ -68,6 +65,14 @@ class EventSides:
         others = {key: axis for key, axis in self.run.coords.items() if not {"sample", "event", "side"} & set(axis.dims)}
         return xr.Dataset({key: (self.run[key].dims, values[order], self.run[key].attrs) for key, values in told.items()},
                           {**others, "time": ("sample", time, self.run.time.attrs)}, self.run.attrs)
+
+
+def events_within(run: xr.Dataset) -> NDArray[np.intp]:
+    """Numbers of the events that lie within the run's samples; none where samples have no time."""
+    if "event_time" not in run or "time" not in run.coords or not run.time.size:
+        return np.zeros(0, np.intp)
+    instants, time = run.event_time.values, np.atleast_1d(run.time.values)
+    return np.flatnonzero((instants >= time.min()) & (instants <= time.max()))
 
 
 def event_words(run: xr.Dataset, event: int) -> str:

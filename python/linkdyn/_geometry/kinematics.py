@@ -74,6 +74,11 @@ class Rows:
     drift: Vectors
     """(N,)"""
 
+    def plus(self, part: Vectors, other: Rows) -> Rows:
+        """With so much (N,) of other equations for the same links."""
+        factors = tuple(own + part[:, np.newaxis] * more for own, more in zip(self.factors, other.factors))
+        return Rows(self.links, factors, self.drift + part * other.drift)
+
 
 def link_motion(scene: Scene, run: xr.Dataset) -> LinkMotion:
     """Motion of all links at the samples of a run.
@@ -280,25 +285,21 @@ class _Pair:
 
     def advance(self, lead: float) -> Rows:
         """How far a screw goes beyond what its turning asks for."""
-        gap, turn = self.apart(self.axes[0]), self.turning(self.axes[0])
-        part = lead / (2 * np.pi)
-        factors = (gap.factors[0] - part * turn.factors[0], gap.factors[1] - part * turn.factors[1])
-        return Rows(gap.links, factors, gap.drift - part * turn.drift)
+        return self.apart(self.axes[0]).plus(np.full(len(self.gap), -lead / (2 * np.pi)), self.turning(self.axes[0]))
 
     def touching(self, cam: dict[str, Any]) -> Rows:
         """Rate of the gap between follower and cam. To second order a roller's centre, or a point, goes on a circle fixed in the cam."""
-        contact, speed, inward = self._touch(cam)
+        contact, speed = self._touch(cam)
         e, axis = contact.normal, self.axes[0]
         along = speed - _dot(speed, e)[:, np.newaxis] * e - _dot(speed, axis)[:, np.newaxis] * axis
-        drift = _dot(inward, e) + contact.round * _dot(along, along)
-        first, second = (np.cross(arm, e) for arm in (self.arms[0] + self.gap, self.arms[1]))
-        return Rows((self.first, self.second), (np.hstack([-e, -first]), np.hstack([e, second])), drift)
+        gap = self.apart(e)
+        return Rows(gap.links, gap.factors, gap.drift + contact.round * _dot(along, along))
 
     def pressed(self, cam: dict[str, Any]) -> Rows:
         """The same of a face, whose trace in the cam's plane touches a circle fixed in the cam. The trace turns with the spin about
         ``across``, not about the axis alone: that of a face which leans turns with the spin about the normal, too.
         """
-        contact, speed, inward = self._touch(cam)
+        contact, speed = self._touch(cam)
         e, axis = contact.normal, self.axes[0]
         way = np.cross(axis, e)
         upwards = _dot(self.axes[1], axis)
@@ -307,20 +308,14 @@ class _Pair:
         spin = self.spins[1] - self.spins[0]
         turn, sideways = _dot(across, spin), _dot(way, spin)
         arm = _dot(self.gap - contact.point, way)
-        turning = (1 + lean**2) * sideways * _dot(e, spin) + lean * turn * sideways    # of `across`, seen from the cam, about the spin
-        drift = _dot(inward, e) + 2 * turn * _dot(way, speed) - turn**2 * contact.round
-        drift = drift + arm * (turning - _dot(across, np.cross(self.spins[0], self.spins[1])))
-        first, second = (np.cross(at, e) + arm[:, np.newaxis] * across for at in (self.arms[0] + self.gap, self.arms[1]))
-        return Rows((self.first, self.second), (np.hstack([-e, -first]), np.hstack([e, second])), drift)
+        rows = self.apart(e).plus(arm, self.turning(across))
+        leaning = (1 + lean**2) * sideways * _dot(e, spin) + lean * turn * sideways    # `across` is not fixed in the cam
+        return Rows(rows.links, rows.factors, rows.drift + arm * leaning + 2 * turn * _dot(way, speed) - turn**2 * contact.round)
 
-    def _touch(self, cam: dict[str, Any]) -> tuple[Contact, Vectors, Vectors]:
-        """Contact as seen from the cam's marker, and speed and acceleration of the follower's as the cam sees them, while both links
-        gain none."""
+    def _touch(self, cam: dict[str, Any]) -> tuple[Contact, Vectors]:
+        """Contact as seen from the cam's marker, and how fast the follower's goes as the cam sees it."""
         contact = contact_of(cam, np.zeros_like(self.gap), self.frame(), self.gap, self.axes[1])
-        first, second = self.spins
-        speed = self.gap_rate - np.cross(first, self.gap)
-        inward = np.cross(second, np.cross(second, self.arms[1])) - np.cross(first, np.cross(first, self.arms[0] + self.gap))
-        return contact, speed, inward - 2 * np.cross(first, speed)
+        return contact, self.gap_rate - np.cross(self.spins[0], self.gap)
 
     def rising(self, cam: dict[str, Any]) -> Rows:
         """Rate of the height of a follower above a curve round a drum. To second order that is a parabola over the angle, fixed in the cam."""

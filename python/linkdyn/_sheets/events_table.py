@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .._drawing.style import plain_units, readable
-from .._event_sides import EventSides, event_words
+from .._event_sides import EventSides, event_words, events_within
 from ..scene import Scene
 from .sheet import NONE, Cell, Table, cell_of, count_words, significant
 
@@ -21,12 +21,10 @@ SAME_SPEED = 1e-9
 
 def events_table(run: xr.Dataset, scene: Scene | None) -> Table | None:
     """A row for each event within the run's samples."""
-    if "event_time" not in run or "time" not in run.coords or not run.time.size:
-        return None
-    instants = run.event_time.values
-    events = np.flatnonzero((instants >= run.time.values.min()) & (instants <= run.time.values.max()))
+    events = events_within(run)
     if not events.size:
         return None
+    instants = run.event_time.values
     loads = _loads(run, events)
     impulse, lost = run.event_impulse.values[events], run.event_loss.values[events]
     note = "Forces are those just before and just behind" + ("; that of an impulse is not finite." if (impulse > 0).any() else ".")
