@@ -312,7 +312,7 @@ contains
                 call run_alone(self%of(g)%program, arrays, space%one(g), to, is_bad(1))
             else
                 call load_columns(self%of(g)%program, arrays, first, n, space%slots(g))
-                call run_columns(self%of(g)%program, space%slots(g), first, n, to, is_bad)
+                call run_columns(self%of(g)%program, space%slots(g), first, n, to, is_bad(:n))
             end if
             ! A direction of n has the n-th part of a unit vector's square, on average.
             margin(first:first + n - 1) = sign(sqrt(n_probe/(self%of(g)%n*response(:n, 1))), self%of(g)%sense*determinant(:n, 1))

@@ -211,7 +211,7 @@ contains
 
         do k = 1, m
             call take_lanes(program, space, first + k - 1, n, x(1, k))
-            is_bad = is_bad .or. .not. ieee_is_finite(x(:n, k))
+            is_bad(:n) = is_bad(:n) .or. .not. ieee_is_finite(x(:n, k))
         end do
     end subroutine take_columns
 
