@@ -14,7 +14,7 @@ module linkdyn_carried_assembly
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
-        follows_assembly
+        follows_assembly, turned_to
     use linkdyn_model, only: model_type, link_freedom, place_size, gives_attitude, attitude_angles
     use linkdyn_steps_on_lanes, only: place_rates
     use linkdyn_newton_group, only: led_link
@@ -35,6 +35,7 @@ module linkdyn_carried_assembly
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
+        logical :: is_at_start = .true.                !! of the scene: nothing has been accepted yet
         real(wp) :: t(lanes) = 0                       !! accepted [s]
         real(wp), allocatable :: q(:, :)               !! there                          (lane, n_q)
         real(wp), allocatable :: quaternion(:, :, :)   !! of attitudes given by one      (lane, 4, n_attitude)
@@ -131,6 +132,7 @@ contains
         if (.not. assembly%is_needed) return
         if (.not. there%is_needed) then
             there%is_needed = .true.
+            there%is_at_start = assembly%is_at_start
             there%q = assembly%q
             there%quaternion = assembly%quaternion
             there%branch = assembly%branch
@@ -169,7 +171,8 @@ contains
         end if
     end subroutine evaluate_assembled
 
-    !> Kinematics of a state tried, on the assembly that leads there.
+    !> Kinematics of a state tried, on the assembly that leads there: to where a run begins from the scene's start, without the full
+    !> turns that lead nowhere, as to a sample on its own.
     subroutine evaluate_on_assembly(model, t, assembly, state)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(lanes)               !! [s]
@@ -178,6 +181,7 @@ contains
         type(way_report) :: report
         logical :: doubtful(lanes), arrives(lanes)
 
+        if (assembly%is_at_start) assembly%q = turned_to(model, assembly%q, state%q)
         if (model%n_branch > 0) state%branch = assembly%branch
         state%way_status = sample_ok
         if (size(model%group) > 0) then
@@ -195,7 +199,11 @@ contains
         if (.not. any(doubtful)) return
         call stand_where(model, doubtful, assembly, state)
         state%group%closer => assembly%closer
-        call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion, longest=longest_step)
+        if (assembly%is_at_start) then
+            call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)
+        else
+            call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion, longest=longest_step)
+        end if
         nullify (state%group%closer)
         assembly%n_crossed_tried = report%n_crossed
         if (.not. model%scene%passes_change_points) then
@@ -424,6 +432,7 @@ contains
         integer :: g, i, m
 
         all_go = all(goes)
+        if (any(goes)) assembly%is_at_start = .false.
         do m = model%n_branch + 1, size(margin, 2)
             drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
         end do

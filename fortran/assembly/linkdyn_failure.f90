@@ -65,6 +65,8 @@ contains
             text = "the equations of motion are singular"
         else if (status == sample_unreachable) then
             text = "the motion is not finite"
+        else if (state%way_status(lane) == sample_not_converged) then
+            text = "it is too far from the scene's start to follow the assembly to there"
         else
             text = "the mechanism cannot be computed"
         end if

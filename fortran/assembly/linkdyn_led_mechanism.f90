@@ -24,7 +24,7 @@ module linkdyn_led_mechanism
     implicit none (type, external)
     private
     public :: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, n_map, span_of
-    public :: follows_assembly, is_way_short, nearest_start
+    public :: follows_assembly, is_way_short, nearest_start, turned_to
 
     real(wp), parameter :: most_strides = 1000       !! of a way
     integer, parameter :: patience = 300, haste = 4  !! tries of a way beside those for its strides
@@ -119,13 +119,22 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp) :: from(lanes, model%n_q)
+
+        from = turned_to(model, state%group%start_q, state%q)
+    end function nearest_start
+
+    !> Coordinates by as many full turns on, where the mechanism is the same, as is nearest to others.
+    pure function turned_to(model, from, to) result(turned)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:, :), to(:, :)   !! (lane, n_q)
+        real(wp) :: turned(lanes, model%n_q)
         integer :: k
 
-        from = state%group%start_q
+        turned = from
         do k = 1, model%n_q
-            if (repeats(model, k)) from(:, k) = from(:, k) + two_pi*nearest_turns(state%q(:, k) - from(:, k))
+            if (repeats(model, k)) turned(:, k) = turned(:, k) + two_pi*nearest_turns(to(:, k) - turned(:, k))
         end do
-    end function nearest_start
+    end function turned_to
 
     !> Is a way one of no more strides than are gone?
     pure logical function is_way_short(model, way)

@@ -70,7 +70,7 @@ class Simulator:
     t : float
         Instant reached [s].
     q, qd : numpy.ndarray
-        (n_q,) Coordinates and their rates there [m, rad; /s], in the order of ``scene.coordinates``; to read only.
+        (n_q,) Coordinates and their rates there [m, rad; /s], in the order of ``scene.coordinates``.
     """
 
     def __init__(self, scene: Scene, handle: int, method: str, settings: tuple[float, float, float], t: float) -> None:
@@ -92,13 +92,13 @@ class Simulator:
 
     @property
     def q(self) -> NDArray[np.float64]:
-        """(n,) coordinates [m, rad], in the order of the scene's `coordinates`; not to be written to."""
-        return _read_only(self._q)
+        """(n,) coordinates [m, rad], in the order of the scene's `coordinates`: where it is now; later steps leave them alone."""
+        return self._q.copy()
 
     @property
     def qd(self) -> NDArray[np.float64]:
-        """(n,) their rates [m/s, rad/s]; not to be written to."""
-        return _read_only(self._qd)
+        """(n,) their rates [m/s, rad/s]."""
+        return self._qd.copy()
 
     @property
     def pressure(self) -> NDArray[np.float64]:

@@ -110,6 +110,40 @@ def test_reset_forgets() -> None:
     assert (simulator.t, *simulator.q, *simulator.qd) == (3.0, 0.5, 0.1, 0.0, 1.0)
 
 
+@pytest.mark.parametrize("name", ["fourbar", "delta"])
+@pytest.mark.parametrize("turns", [2, -50])
+def test_full_turns_away_is_as_at_the_start(name: str, turns: int) -> None:
+    """An assembly is not followed along turns that lead nowhere: one closed by formulas, one by iteration."""
+    scene = linkdyn.load(EXAMPLES / name / "scene.toml")
+    simulator = scene.simulator()
+    by_turns = 2 * np.pi * turns * np.eye(simulator.q.size)[0]
+    force = np.full(simulator.q.size, 0.5)
+    near, far = [], []
+    for found, q in (near, simulator.q + 0.5), (far, simulator.q + 0.5 + by_turns):
+        simulator.reset(q=q, qd=np.ones(simulator.q.size))
+        for _ in range(20):
+            simulator.step(0.01, force)
+            found.append([simulator.q, simulator.qd])
+    np.testing.assert_allclose(np.array(far) - [by_turns, 0 * by_turns], near, rtol=0, atol=1e-7)
+
+    q = np.array([simulator.q * 0 + 0.5, simulator.q * 0 + 0.5 + by_turns])
+    run = scene.ensemble(q, np.ones_like(q), [0.0, 0.02])
+    assert np.all(run.status == 0)
+    np.testing.assert_allclose(run.qd[1], run.qd[0], rtol=1e-9, atol=1e-7)
+
+
+def test_what_no_turn_brings_back_is_followed_from_the_start() -> None:
+    """A motor on gears: the press behind them stands elsewhere after each turn. So far that nobody follows it is told."""
+    scene = linkdyn.load(EXAMPLES / "planetary_crank" / "scene.toml")
+    t = 0.3
+    simulator = scene.simulator(t=t)
+    np.testing.assert_allclose(simulator.q, scene.inverse(t=[t]).q.values[0], rtol=1e-15)
+    simulator.step(0.001, scene.inverse(t=[t]).driving_force.values[0])
+    np.testing.assert_allclose(simulator.q, scene.inverse(t=[t + 0.001]).q.values[0], rtol=1e-5)
+    with pytest.raises(InputError, match="too far from the scene's start to follow the assembly"):
+        simulator.reset(q=[-1e4])
+
+
 def test_forces_stay_until_others_are_given() -> None:
     held, given = (linkdyn.Scene(SLIDER).simulator() for _ in range(2))
     held.step(0.1, [4.0])
