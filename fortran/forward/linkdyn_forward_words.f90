@@ -17,7 +17,8 @@ module linkdyn_forward_words
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, tell_stop, driven_through_in_words, no_stand_in
+    public :: coordinates_in_words, tolerance_in_words, rounding_in_words, tell_stop, driven_through_in_words, no_stand_in, &
+        without_end_in_words
 
     !> Behind the name of a coordinate of a pose, or of a joint with several axes.
     character(len=*), parameter :: no_stand_in = " comes to its dead point, where it turns back and the " &
@@ -163,7 +164,12 @@ contains
                 reason = reason//too_long_in_words(run)
             case (stop_pace)
                 status = sample_not_converged
-                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not reach the end within the step limit"
+                if (size(run%integrator%without_end(1)) > 0) then
+                    reason = reason//without_end_in_words(run%own, run%integrator%without_end(1))
+                else
+                    reason = reason//"steps of "//to_text(run%integrator%last_step) &
+                             //" s would not reach the end within the step limit"
+                end if
                 if (run%system%n_jump > many_jumps) reason = reason//": a law alternates between two values, "// &
                     "as a sign() does at rest (expected a law that changes over a small speed, tanh(v/v0))"
             case default
@@ -184,6 +190,22 @@ contains
             reason = reason//too_stiff
         end if
     end subroutine tell_stop
+
+    !> What happens again and again at an instant.
+    function without_end_in_words(model, event) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: event(:)
+        character(len=:), allocatable :: text
+        integer :: k
+
+        text = ""
+        do k = 1, size(event)
+            if (k > 1) text = text//", "
+            text = text//quoted(model%scene%event(event(k))%name)
+        end do
+        text = "what happens at "//text//" follows on itself at this instant without end: " &
+               //"who holds and who lets go there is not determined"
+    end function without_end_in_words
 
     !> What is driven, or held, against an impulse.
     function driven_through_in_words(model, event, is_jammed) result(text)

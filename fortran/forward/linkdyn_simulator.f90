@@ -13,7 +13,7 @@ module linkdyn_simulator
     use linkdyn_forward_kinks, only: kink_list, collect_kinks, next_kink, pass_kink, is_there_by
     use linkdyn_forward_state, only: state_layout, fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, forward_memory, build_forward_system
-    use linkdyn_forward_words, only: driven_through_in_words, no_stand_in
+    use linkdyn_forward_words, only: driven_through_in_words, no_stand_in, without_end_in_words
     use linkdyn_heard_tables, only: hearing, heard_table, list_tables, refuse_short_tables
     use linkdyn_integrator, only: integrator_type, integrator_options, check_options, tightened, recall_integrator, stop_growth, &
         stop_pace, stop_length
@@ -318,6 +318,7 @@ contains
             why = "the motion grows without bound"
         case (stop_pace)
             why = "the step limit is reached"
+            if (size(self%integrator%without_end(1)) > 0) why = without_end_in_words(self%model, self%integrator%without_end(1))
         case (stop_length)
             why = too_long_steps_in_words(self%system, 1, self%integrator%too_long_for(1), self%integrator%good_until(1), &
                                           self%integrator%options%step, self%y)

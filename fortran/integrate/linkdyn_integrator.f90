@@ -78,6 +78,7 @@ module linkdyn_integrator
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
         real(wp), private :: length = 0        !! of the run, or of the way asked for, of one that is to be of any length
         integer, private :: n_short = 0        !! steps in a row at which it would not come to its end
+        integer, private :: n_still = 0        !! and of these the last of no length at all
         integer, private :: n_jump = 0         !! jumps of the rates before the last step
         integer, private :: n_jumping = 0      !! steps that have come upon some, since `t_jumping`
         real(wp), private :: t_jumping = 0
@@ -98,7 +99,7 @@ module linkdyn_integrator
         logical, private :: are_far = .false.                    !! all guards have been, from zero, in the last step
     contains
         procedure :: start, advance, reset, go_on_from, exchange_system, finish
-        procedure :: too_long_for
+        procedure :: too_long_for, without_end
     end type integrator_type
 
     !> A step of a multistep method.
@@ -258,6 +259,7 @@ contains
         self%failed = .false.
         self%reason = stop_none
         self%n_short = 0
+        self%n_still = 0
         self%n_jumping = 0
         self%is_at_crossing = self%is_at_crossing .and. system%n_guard > 0
         self%are_far = .false.
@@ -910,6 +912,7 @@ contains
         real(wp), intent(in) :: h                               !! the step
         real(wp), intent(inout) :: y(:, :)
         integer, parameter :: most_short = 100                  !! in a row: more than a peak takes
+        integer, parameter :: most_still = 20                   !! and more than what happens at an instant follows on itself there
         integer :: k
 
         do k = 1, size(solution)
@@ -920,10 +923,24 @@ contains
         self%good_until = self%t
         call note_step(self, h)
         self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%length)
-        if (self%n_short <= most_short .and. .not. crawls_over_jumps(self, system)) return
+        self%n_still = merge(self%n_still + 1, 0, .not. h > 0)
+        if (self%n_short <= most_short .and. self%n_still <= most_still + 2*system%n_guard &
+            .and. .not. crawls_over_jumps(self, system)) return
         self%failed = .true.
         self%reason = stop_pace
     end subroutine go_on
+
+    !> What guards do at an instant beyond which no step leads, on a lane: it follows on itself there without end.
+    function without_end(self, lane) result(guard)
+        class(integrator_type), intent(in) :: self
+        integer, intent(in) :: lane
+        integer, allocatable :: guard(:)
+        integer :: k
+
+        guard = [integer ::]
+        if (self%reason == stop_pace .and. self%n_still > 0 .and. allocated(self%has_crossed)) &
+            guard = pack([(k, k=1, size(self%has_crossed, 2))], self%has_crossed(lane, :))
+    end function without_end
 
     !> Do the rates jump to and fro, step by step, and the solution hardly comes on?
     logical function crawls_over_jumps(self, system) result(crawls)

@@ -89,3 +89,58 @@ def test_what_turns_back_together_jumps_nowhere(method: str, speed: float) -> No
     assert (run.status == 0).all()
     energy = (run.kinetic_energy + run.potential_energy).values
     assert np.diff(energy).max() < 1e-7 * energy[0]
+
+
+ALL_AT_REST = """
+space = "planar"
+gravity = [0, -9.81]
+measures.cv = { joint = "A", rate = true }
+frame.markers = { A = [-0.1, 0], E = [0.1, 0] }
+link = [
+  { name = "l", mass = 1, inertia = 0.01, cog = [0.1, 0.01], markers = { A = [0, 0], B = [0.24, 0] } },
+  { name = "r", mass = 1, inertia = 0.01, cog = [0.1, 0.01], markers = { A = [0, 0], B = [0.24, 0] } },
+  { name = "lr", mass = 0.6, inertia = 0.01, cog = [0.2, 0], markers = { B = [0, 0], C = [0.42, 0] } },
+  { name = "rr", mass = 0.6, inertia = 0.01, cog = [0.2, 0], markers = { B = [0, 0], C = [0.42, 0] } },
+]
+joint = [
+  { name = "A", type = "revolute", between = ["frame.A", "l.A"], start = 2.6 },
+  { name = "E", type = "revolute", between = ["frame.E", "r.A"], start = 0.5 },
+  { name = "B", type = "revolute", between = ["l.B", "lr.B"] },
+  { name = "D", type = "revolute", between = ["r.B", "rr.B"] },
+  { name = "C", type = "revolute", between = ["lr.C", "rr.C"] },
+]
+coordinate = [
+  { joint = "A", start = { position = 2.6, velocity = -0.5712426493162122 } },
+  { joint = "E", start = { position = 0.5, velocity = 0.9904492682727644 } },
+]
+stop = [{ name = "st", joint = "E", min = 0.2, max = 0.9, restitution = 0.0 }]
+actuator = [{ joint = "A", law = { type = "formula", value = "22.5859 N m*step(time-0.2 s)-0.3 N m s/rad*cv" } }]
+clutch = [{ name = "cl", joint = "D", capacity = 34.904564495501475, from = 0.2817938898779448, until = 0.5487426203139298 }]
+spring = [{ name = "sp", joint = "E", stiffness = 72.3766998224912, rest = 0.2, damping = 0.5205100160815932 }]
+time = { end = 0.9, samples = 46 }
+
+[[friction]]
+joint = "B"
+coulomb = 0.2974381722020764
+radius = 0.0156615312092871
+static = 0.29785838552782384
+stribeck_speed = 0.04176995394008475
+preload = 13.492036613166478
+viscous = 0.2296389282765831
+sticking = true
+
+[[friction]]
+joint = "D"
+coulomb = 0.05545950710324034
+radius = 0.011499164222534974
+preload = 17.980576435165304
+viscous = 0.07133900657934876
+sticking = true
+"""
+
+
+def test_what_follows_on_itself_at_an_instant_ends() -> None:
+    """A stop, a clutch and two rubbing joints come to rest at once, where more holds than moves: told by name, not in endless steps."""
+    run = linkdyn.Scene(ALL_AT_REST).forward(method="gbs")
+    assert not run.stopped or re.search("what happens at '[BD]'.* follows on itself at this instant without end", run.stopped)
+    assert np.all(run.status[run.time > 0.4] == (3 if run.stopped else 0))
