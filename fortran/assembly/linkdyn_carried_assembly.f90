@@ -2,7 +2,8 @@
 !>
 !> An integrator tries positions ahead of the accepted one, in no fixed order, and may reject them. All of them are
 !> computed on the branches of the accepted state, groups closed by iteration from where its tangent leads, unless the
-!> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
+!> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`). Where one
+!> coordinate leads closed forms, all that has been followed is remembered: there nothing is to be doubted again.
 module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
     use linkdyn_following, only: way_report, doubt_unsound, way_arrived, way_at_singularity, way_forks, &
@@ -20,11 +21,12 @@ module linkdyn_carried_assembly
     use linkdyn_newton_group, only: led_link
     use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly, accept_seen
-    public :: stand_there, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, farthest_way, secant, &
-        take_branches
+    public :: stand_there, leave_turns_of, leave_standing, keep_evaluated, count_passed, note_doubt, note_far, longest_way, &
+        farthest_way, secant, take_branches
 
     !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between,
     !> and a method that controls its steps tries the like by the hundred.
@@ -45,6 +47,9 @@ module linkdyn_carried_assembly
         real(wp), allocatable :: side(:, :)            !! the last margin that could be told from zero; 0: none yet (lane, n_map)
         real(wp), allocatable :: place(:, :, :)        !! of the groups' links           (lane, place_size, n_link)
         real(wp), allocatable :: column(:, :, :, :)    !! its rates for unit rates of q  (lane, link_freedom, n_link, n_q)
+        real(wp), allocatable :: clear(:, :)           !! between which values of the one coordinate no change point is met, the
+                                                       !! accepted one among them; not allocated: it is not the only one, or there
+                                                       !! are groups (2, lane)
         integer :: n_crossed(lanes) = 0                !! change points passed since the start
         integer :: n_crossed_tried(lanes) = 0          !! on the way to the state tried last
         integer :: map_lost(lanes) = 0                 !! at fault where two assemblies met on a way tried near here; 0: none
@@ -78,7 +83,10 @@ contains
                 assembly%quaternion(:, :, p) = quaternion_of_rpy(q(:, c(1)), q(:, c(2)), q(:, c(3)))
             end associate
         end do
-        if (size(model%group) == 0) return
+        if (size(model%group) == 0) then
+            if (model%n_q == 1 .and. model%n_attitude == 0) assembly%clear = spread(assembly%q(:, 1), 1, 2)
+            return
+        end if
         assembly%place = assembly%state%group%start_place
         allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
         assembly%column = 0
@@ -91,10 +99,25 @@ contains
         type(carried_assembly), intent(inout) :: assembly
 
         assembly%q = state%q
+        if (allocated(assembly%clear)) assembly%clear = spread(assembly%q(:, 1), 1, 2)
         assembly%place = state%group%place
         call measure_margins(model, state, assembly%margin, assembly%drift)
         assembly%drift = 0
     end subroutine stand_there
+
+    !> A coordinate goes on without some of its turns, and so do the ways from here.
+    subroutine leave_turns_of(k, turns, assembly)
+        integer, intent(in) :: k                       !! coordinate
+        real(wp), intent(in) :: turns(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+        integer :: m
+
+        assembly%q(:, k) = with_turns(assembly%q(:, k), -turns)
+        if (.not. allocated(assembly%clear)) return
+        do m = 1, 2
+            assembly%clear(m, :) = with_turns(assembly%clear(m, :), -turns)
+        end do
+    end subroutine leave_turns_of
 
     !> Branches of the closed forms on which states are tried.
     pure subroutine take_branches(model, assembly, n, branch, are_new)
@@ -139,6 +162,7 @@ contains
             there%margin = assembly%margin
             there%drift = assembly%drift
             there%side = assembly%side
+            if (allocated(assembly%clear)) there%clear = assembly%clear
             if (allocated(assembly%place)) there%place = assembly%place
             if (allocated(assembly%column)) there%column = assembly%column
         end if
@@ -152,6 +176,7 @@ contains
             there%margin(i, :) = assembly%margin(1, :)
             there%drift(i, :) = assembly%drift(1, :)
             there%side(i, :) = assembly%side(1, :)
+            if (allocated(assembly%clear)) there%clear(:, i) = assembly%clear(:, 1)
             if (allocated(assembly%place)) there%place(i, :, :) = assembly%place(1, :, :)
             if (allocated(assembly%column)) there%column(i, :, :, :) = assembly%column(1, :, :, :)
         end do
@@ -179,9 +204,14 @@ contains
         type(carried_assembly), intent(inout) :: assembly
         type(kinematic_state), intent(inout) :: state
         type(way_report) :: report
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+        real(wp) :: from(lanes, model%n_q)
         logical :: doubtful(lanes), arrives(lanes)
 
-        if (assembly%is_at_start) assembly%q = turned_to(model, assembly%q, state%q)
+        if (assembly%is_at_start) then
+            assembly%q = turned_to(model, assembly%q, state%q)
+            if (allocated(assembly%clear)) assembly%clear = spread(assembly%q(:, 1), 1, 2)
+        end if
         if (model%n_branch > 0) state%branch = assembly%branch
         state%way_status = sample_ok
         if (size(model%group) > 0) then
@@ -192,6 +222,7 @@ contains
         call run_program(model, state)
         assembly%n_crossed_tried = 0
         doubtful = is_doubtful(model, assembly, t, state)
+        if (allocated(assembly%clear)) doubtful = doubtful .and. (state%unreachable .or. .not. is_clear(assembly, state%q(:, 1)))
         where (state%out_of_reach)
             state%way_status = sample_unreachable
             doubtful = .false.
@@ -199,10 +230,12 @@ contains
         if (.not. any(doubtful)) return
         call stand_where(model, doubtful, assembly, state)
         state%group%closer => assembly%closer
+        from = assembly%q
+        if (allocated(assembly%clear)) from(:, 1) = max(assembly%clear(1, :), min(assembly%clear(2, :), state%q(:, 1)))
         if (assembly%is_at_start) then
-            call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)
+            call lead_mechanism(model, doubtful, from, .true., state, report, assembly%quaternion)
         else
-            call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion, longest=longest_step)
+            call lead_mechanism(model, doubtful, from, .true., state, report, assembly%quaternion, longest=longest_step)
         end if
         nullify (state%group%closer)
         assembly%n_crossed_tried = report%n_crossed
@@ -214,7 +247,32 @@ contains
         where (state%way_status == sample_branch_lost) assembly%map_lost = report%map
         if (size(model%group) > 0) state%group%moves = arrives
         call run_program(model, state)
+        if (.not. allocated(assembly%clear)) return
+        call measure_margins(model, state, margin, drift)
+        call note_clear(doubtful .and. report%outcome == way_arrived .and. report%n_crossed == 0 &
+                        .and. all(state%branch == assembly%branch, dim=2) .and. are_told(model, margin), state%q(:, 1), assembly)
     end subroutine evaluate_on_assembly
+
+    !> Has the way to where the coordinate is been followed?
+    pure function is_clear(assembly, q)
+        type(carried_assembly), intent(in) :: assembly
+        real(wp), intent(in) :: q(lanes)
+        logical :: is_clear(lanes)
+
+        is_clear = q >= assembly%clear(1, :) .and. q <= assembly%clear(2, :)
+    end function is_clear
+
+    !> The way from the accepted state to where the coordinate is, on some lanes, meets no change point.
+    pure subroutine note_clear(is_sound, q, assembly)
+        logical, intent(in) :: is_sound(lanes)
+        real(wp), intent(in) :: q(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+
+        where (is_sound)
+            assembly%clear(1, :) = min(assembly%clear(1, :), q)
+            assembly%clear(2, :) = max(assembly%clear(2, :), q)
+        end where
+    end subroutine note_clear
 
     !> The groups' links where the tangent at the accepted position leads.
     subroutine predict_places(model, assembly, state)
@@ -429,14 +487,18 @@ contains
         real(wp), intent(inout), contiguous :: drift(:, :)         !! its rate [1/s]; that of groups is found here (lane, n_map)
         type(carried_assembly), intent(inout) :: assembly
         logical :: all_go
-        integer :: g, i, m
+        integer :: g, i, m, n_crossed(lanes)
 
         all_go = all(goes)
         if (any(goes)) assembly%is_at_start = .false.
+        n_crossed = assembly%n_crossed
         do m = model%n_branch + 1, size(margin, 2)
             drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
         end do
         call count_crossings(model, margin, goes, assembly)
+        if (allocated(assembly%clear)) &
+            call keep_clear(model, margin, goes, assembly%n_crossed /= n_crossed &
+                            .or. any(assembly%state%branch /= assembly%branch, dim=2), assembly%state%q(:, 1), assembly)
         call forget_map_lost(model, margin, goes, assembly%map_lost)
         call go_on(1, all_go, goes, t, assembly%t)
         call go_on(size(margin, 2), all_go, goes, margin, assembly%margin)
@@ -454,6 +516,36 @@ contains
             end do
         end associate
     end subroutine go_on_to_state
+
+    !> What is clear seen from a new accepted state: where a change point has been passed, or is too near to tell, nothing but that.
+    pure subroutine keep_clear(model, margin, goes, has_crossed, q, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
+        logical, intent(in), dimension(lanes) :: goes, has_crossed
+        real(wp), intent(in) :: q(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+        logical :: is_told(lanes)
+        integer :: m
+
+        is_told = .not. has_crossed .and. are_told(model, margin)
+        call note_clear(goes .and. is_told, q, assembly)
+        do m = 1, 2
+            where (goes .and. .not. is_told) assembly%clear(m, :) = q
+        end do
+    end subroutine keep_clear
+
+    !> Can all margins be told from zero?
+    pure function are_told(model, margin)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in), contiguous :: margin(:, :)           !! (lane, n_map)
+        logical :: are_told(lanes)
+        integer :: m
+
+        are_told = .true.
+        do m = 1, size(margin, 2)
+            are_told = are_told .and. abs(margin(:, m)) > model%least_margin(m)
+        end do
+    end function are_told
 
     !> Numbers of the lanes that go are what they have come to.
     pure subroutine go_on(n, all_go, goes, come_to, x)

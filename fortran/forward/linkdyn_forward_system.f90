@@ -14,8 +14,8 @@
 !> body in one of them.
 module linkdyn_forward_system
     use linkdyn_bounce_watch, only: prepare_bounce_watch, measure_rates, note_start
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, evaluate_assembled, accept_assembly, &
-        longest_way
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, leave_standing, leave_turns_of, evaluate_assembled, &
+        accept_assembly, longest_way
     use linkdyn_clutch_friction, only: rub_clutches, has_sticking, measure_grip
     use linkdyn_clutch_states, only: prepare_clutches, holds_anywhere, only_slides
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
@@ -61,7 +61,6 @@ module linkdyn_forward_system
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: prepare_stops, rests_anywhere
     use linkdyn_time_laws, only: laws_over_time
-    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_system, forward_memory, standing_lanes, event_witness, build_forward_system
@@ -1200,7 +1199,7 @@ contains
         call leave_turns_out(turns, self%way%energy)
         do k = 1, self%model%n_q
             associate (p => self%layout%position(k))
-                if (p > 0) self%way%assembly%q(:, k) = with_turns(self%way%assembly%q(:, k), -turns(:, p))
+                if (p > 0) call leave_turns_of(k, turns(:, p), self%way%assembly)
             end associate
         end do
     end subroutine note_turns_forward
