@@ -1,9 +1,10 @@
 !> The assembly of a group at the start, found by many attempts side by side on the lanes.
 !>
-!> The first attempt sets out from the starting positions of the links, the second from links strung along the joints with
-!> the joints' starting variables, but those that have a starting position there and legs between such point to where they end
-!> (`linkdyn_pointed_links`). With threads the third sets out from the starting positions as the links that are placed have taken
-!> them along (`linkdyn_drawn_links`). The others set out from variables at random. Each is
+!> Where something has a start, attempts around that come first: links with a starting position at or near it, others hung on
+!> them by joints. Of the rest the first sets out from the starting positions of the links, the second from links strung along
+!> the joints with the joints' starting variables, but those that have a starting position there and legs between such point to
+!> where they end (`linkdyn_pointed_links`). With threads the third sets out from the starting positions as the links that are
+!> placed have taken them along (`linkdyn_drawn_links`). The others set out from variables at random. Each is
 !> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
 !> (`linkdyn_start_distance`). Where none closes, a Delta led by its tool whose elbows nobody has described, there are more rounds
 !> of attempts. The outcome depends on the scene alone.
@@ -13,7 +14,7 @@ module linkdyn_group_start
     use linkdyn_cross, only: cross
     use linkdyn_drawn_links, only: hang_as_drawn
     use linkdyn_led_coordinates, only: given_position
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, first_by_variables, turn_frame, turn_frame_back
     use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, turns_about_point, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
@@ -27,7 +28,7 @@ module linkdyn_group_start
     use linkdyn_pointed_links, only: point_links
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion, turned_vector
     use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
-    use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
+    use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_vec2, only: vec2, rot2, rot2_by_angle, rot2_of_directions, operator(+), operator(-), operator(*), operator(.rotate.)
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
@@ -35,6 +36,7 @@ module linkdyn_group_start
     public :: find_group_start, find_every_start, take_group_start, is_alike
 
     integer, parameter :: n_attempt = 64
+    integer, parameter :: n_near = 64            !! a round around what has a start; all are numbered up to 0
     integer, parameter :: n_hopeful = 8          !! rounds of so many attempts, as long as none closes
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
 
@@ -74,6 +76,8 @@ contains
         end if
         if (.not. is_known) then
             found = found_assemblies()
+            if (has_start(model, model%group(step%first)%link, model%group(step%first)%joint)) &
+                call look_near(model, step%first, state, found)
             closing = n_hopeful
             do round = 1, 2*n_hopeful
                 call list_attempts(model, model%group(step%first), 1 + (round - 1)*n_attempt, state, start)
@@ -96,6 +100,26 @@ contains
             state%not_converged = .true.
         end if
     end subroutine find_group_start
+
+    !> Attempts around what has a start, as long as they come nearer to it.
+    subroutine look_near(model, g, state, found)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g                           !! the group's number
+        type(kinematic_state), intent(inout) :: state
+        type(found_assemblies), intent(inout) :: found
+        integer, parameter :: patience = 3, most_rounds = 12
+        real(wp) :: start(place_size(model), model%n_link, n_near), before
+        integer :: round, last_nearer
+
+        last_nearer = 1
+        do round = 1, most_rounds
+            before = found%given
+            call list_attempts(model, model%group(g), 1 - round*n_near, state, start)
+            call make_attempts(model, g, start, state, found)
+            if (found%given < before) last_nearer = round
+            if (found%given <= exact .or. round - last_nearer == patience) exit
+        end do
+    end subroutine look_near
 
     !> The nearest of those that are left when so many nearer ones are not.
     pure subroutine pass_over(found, passed_over)
@@ -192,7 +216,7 @@ contains
             call string_links(model, group, first_attempt + first - 1, state)
             do lane = 1, min(lanes, size(place, 3) - first + 1)
                 associate (attempt => first_attempt + first + lane - 2)
-                    if (attempt <= 2) call put_as_given(model, group, lane, attempt == 1, state)
+                    if (any(attempt == [1, 2])) call put_as_given(model, group, lane, attempt == 1, state)
                     if (attempt == 2 .and. .not. model%is_planar) call point_links(model, group, lane, state)
                     if (attempt == 3 .and. group%n_thread > 0) call hang_as_drawn(model, group, lane, state)
                 end associate
@@ -397,34 +421,36 @@ contains
 
     ! ---------------------------------------------------------------- links along joints
 
-    !> Attempts `first`, `first + 1`, ...: each link of the group placed through one of its joints.
+    !> Attempts `first`, `first + 1`, ...: each link of the group placed through one of its joints. Near attempts begin with
+    !> the links that have a starting position, and place others by joints that leave them few ways.
     subroutine string_links(model, group, first, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         integer, intent(in) :: first
         type(kinematic_state), intent(inout) :: state
         logical :: is_placed(0:model%n_link)
-        integer :: i, j, from, round
+        integer :: i, round
 
         is_placed = .true.
         is_placed(group%link) = .false.
         state%group%place = 0
         if (.not. model%is_planar) state%group%place(:, 4, :) = 1
-        do round = 1, size(group%link)
-            do i = 1, size(group%joint)
-                j = group%joint(i)
-                if (is_pose_part(model%joint(j)%kind) .or. model%joint(j)%cam > 0) cycle
-                associate (link => model%joint(j)%link)
-                    if (is_placed(link(1)) .eqv. is_placed(link(2))) cycle
-                    from = merge(1, 2, is_placed(link(1)))
-                    if (model%is_planar) then
-                        call hang_in_plane(model, group, j, link(3 - from), variables(i), state)
-                    else
-                        call hang_link(model, group, j, from, variables(i), state)
-                    end if
-                    is_placed(link(3 - from)) = .true.
-                end associate
+        if (first <= 0) then
+            do i = 1, size(group%link)
+                if (.not. model%scene%link(group%link(i))%has_start) cycle
+                call put_near_start(model, group, group%link(i), first, state)
+                is_placed(group%link(i)) = .true.
             end do
+        end if
+        do round = 1, size(group%link)
+            if (first <= 0) then
+                i = leaving_fewest_ways()
+                if (i > 0) call hang_by(i)
+            else
+                do i = 1, size(group%joint)
+                    call hang_by(i)
+                end do
+            end if
         end do
         do i = 1, size(group%link)
             if (is_led(model, group%link(i))) call put_led_link(model, group, group%link(i), first, state)
@@ -432,11 +458,57 @@ contains
 
     contains
 
+        !> The link on one side of joint i of the group from the one on the other side, if only that is placed.
+        subroutine hang_by(i)
+            integer, intent(in) :: i
+            integer :: from
+
+            if (.not. places_another(i)) return
+            associate (j => group%joint(i), link => model%joint(group%joint(i))%link)
+                from = merge(1, 2, is_placed(link(1)))
+                if (model%is_planar) then
+                    call hang_in_plane(model, group, j, link(3 - from), variables(i), state)
+                else
+                    call hang_link(model, group, j, from, variables(i), state)
+                end if
+                is_placed(link(3 - from)) = .true.
+            end associate
+        end subroutine hang_by
+
+        pure logical function places_another(i)
+            integer, intent(in) :: i
+
+            associate (joint => model%joint(group%joint(i)))
+                places_another = .not. (is_pose_part(joint%kind) .or. joint%cam > 0) &
+                                 .and. (is_placed(joint%link(1)) .neqv. is_placed(joint%link(2)))
+            end associate
+        end function places_another
+
+        !> The joint that leaves the next link fewest variables of which nothing is said; 0: none places another.
+        pure integer function leaving_fewest_ways() result(best)
+            integer :: i, v, n, fewest
+
+            best = 0
+            fewest = huge(1)
+            do i = 1, size(group%joint)
+                if (.not. places_another(i)) cycle
+                associate (joint => model%joint(group%joint(i)))
+                    n = 0
+                    do v = 1, joint_n_variable(joint%told_kind)
+                        if (.not. (joint%has_start .or. is_given(group%coordinate(v, i)))) n = n + 1
+                    end do
+                end associate
+                if (n >= fewest) cycle
+                fewest = n
+                best = i
+            end do
+        end function leaving_fewest_ways
+
         !> Variables of joint i of the group: given by a coordinate, else its start, and beyond the second attempt some other, at
-        !> first near the start, then anywhere.
+        !> first near the start, then anywhere. In near attempts anywhere where nothing is said of them.
         function variables(i) result(q)
             integer, intent(in) :: i
-            real(wp) :: q(lanes, 3), reach
+            real(wp) :: q(lanes, 3), reach, far
             integer :: v, lane, attempt
 
             q = 0
@@ -450,8 +522,9 @@ contains
                     if (is_threaded(joint%told_kind)) reach = scene_size(model)/abs(joint%pitch)
                     do lane = 1, lanes
                         attempt = first + lane - 1
-                        q(lane, v) = joint%start(v)
-                        if (attempt > 2) q(lane, v) = q(lane, v) + reach*min(1.0_wp, 2*real(attempt, wp)/n_attempt) &
+                        far = how_far(attempt)
+                        if (attempt < 0 .and. .not. joint%has_start) far = 1
+                        q(lane, v) = joint%start(v) + reach*far &
                                      *(2*counter_uniform(int(group%joint(i), int64), int(v, int64), int(attempt, int64)) - 1)
                     end do
                 end do
@@ -486,28 +559,56 @@ contains
         end do
     end function is_led
 
-    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other. One that
-    !> has the orientation of another link, or of the frame, stands as that does.
+    !> How far attempts go from the start, as a part of all that there is.
+    pure real(wp) function how_far(attempt) result(far)
+        integer, intent(in) :: attempt
+        real(wp), parameter :: nearly = 0.3_wp             !! the farthest of the near ones
+
+        far = 0
+        if (attempt < 0) far = nearly*real(modulo(-attempt, n_near), wp)/n_near
+        if (attempt > 2) far = min(1.0_wp, 2*real(attempt, wp)/n_attempt)
+    end function how_far
+
+    !> The link's starting pose, and other ones, the farther from it the farther the attempts go.
+    pure function poses_about_start(model, link, first) result(pose)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, first
+        real(wp) :: pose(lanes, 6)
+        integer :: k, lane
+
+        do k = 1, 6
+            do lane = 1, lanes
+                associate (attempt => first + lane - 1)
+                    pose(lane, k) = model%scene%link(link)%start(k) + merge(scene_size(model), pi, k <= 3)*how_far(attempt) &
+                                    *(2*counter_uniform(int(link, int64), int(k, int64), int(attempt, int64)) - 1)
+                end associate
+            end do
+        end do
+    end function poses_about_start
+
+    !> A link with a starting position there, or near there.
+    subroutine put_near_start(model, group, link, first, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: link, first
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: none(lanes)
+
+        none = 0
+        call put_in_pose(model, group, link, poses_about_start(model, link, first), vec3(none, none, none), state)
+    end subroutine put_near_start
+
+    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other.
     subroutine put_led_link(model, group, link, first, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         integer, intent(in) :: link, first
         type(kinematic_state), intent(inout) :: state
-        real(wp) :: pose(lanes, 6), quaternion(lanes, 4)
-        type(vec3) :: point, arm
-        integer :: attempt, j, k, lane
-        logical :: turns
+        real(wp) :: pose(lanes, 6)
+        type(vec3) :: point
+        integer :: j, k
 
-        turns = group%turns(findloc(group%link, link, dim=1))
-        do lane = 1, lanes
-            attempt = first + lane - 1
-            pose(lane, :) = model%scene%link(link)%start
-            if (attempt <= 2) cycle
-            do k = 1, 6
-                pose(lane, k) = pose(lane, k) + merge(scene_size(model), pi, k <= 3)*min(1.0_wp, 2*real(attempt, wp)/n_attempt) &
-                                *(2*counter_uniform(int(link, int64), int(k, int64), int(attempt, int64)) - 1)
-            end do
-        end do
+        pose = poses_about_start(model, link, first)
         point = vec3(0*pose(:, 1), 0*pose(:, 1), 0*pose(:, 1))
         do j = model%n_joint + 1, size(model%joint)
             if (any(model%joint(j)%link /= [frame_link, link]) .or. .not. is_pose_part(model%joint(j)%kind)) cycle
@@ -519,12 +620,32 @@ contains
                 end associate
             end do
         end do
-        if (model%is_planar) pose(:, 3:5) = 0
-        quaternion = quaternion_of_rpy(pose(:, 4), pose(:, 5), pose(:, 6))
+        call put_in_pose(model, group, link, pose, point, state)
+    end subroutine put_led_link
+
+    !> A link in a pose of one of its points. One that has the orientation of another link, or of the frame, stands as that does.
+    subroutine put_in_pose(model, group, link, pose, point, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: link
+        real(wp), intent(in) :: pose(lanes, 6)             !! position, roll, pitch, yaw
+        type(vec3), intent(in) :: point                    !! of the link
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: quaternion(lanes, 4), yaw(lanes)
+        type(vec3) :: arm
+        logical :: turns
+
+        turns = group%turns(findloc(group%link, link, dim=1))
+        yaw = pose(:, 6)
+        if (model%is_planar) then
+            quaternion = quaternion_of_rpy(0*yaw, 0*yaw, yaw)
+        else
+            quaternion = quaternion_of_rpy(pose(:, 4), pose(:, 5), yaw)
+        end if
         if (.not. turns) then
             if (model%is_planar) then
                 associate (r => state%plane%rotation(orientation_of(model, link)))
-                    pose(:, 6) = atan2(r%s, r%c)
+                    yaw = atan2(r%s, r%c)
                 end associate
             else
                 quaternion = quaternion_of_rotation(state%rotation(orientation_of(model, link)))
@@ -536,9 +657,9 @@ contains
             state%group%place(:, 1, link) = pose(:, 1) - arm%x
             state%group%place(:, 2, link) = pose(:, 2) - arm%y
             if (model%is_planar) then
-                state%group%place(:, 3, link) = pose(:, 6)
+                state%group%place(:, 3, link) = yaw
                 state%plane%position(link) = vec2(place(:, 1), place(:, 2))
-                if (turns) state%plane%rotation(o) = rot2_by_angle(pose(:, 6))
+                if (turns) state%plane%rotation(o) = rot2_by_angle(yaw)
             else
                 state%group%place(:, 3, link) = pose(:, 3) - arm%z
                 state%group%place(:, 4:7, link) = quaternion
@@ -546,7 +667,7 @@ contains
                 if (turns) state%rotation(o) = rotation_of_quaternion(quaternion)
             end if
         end associate
-    end subroutine put_led_link
+    end subroutine put_in_pose
 
     !> A link by a joint from one that is placed, in a plane.
     subroutine hang_in_plane(model, group, j, link, variable, state)
@@ -597,25 +718,30 @@ contains
         type(kinematic_state), intent(inout) :: state
         type(relative_motion) :: motion
         type(mat3) :: frame, r
-        type(vec3) :: origin
-        real(wp) :: q(lanes, 3), zero(lanes, 3)
+        type(vec3) :: slide, origin
+        real(wp) :: zero(lanes, 3)
         integer :: known, link, o
 
         associate (joint => model%joint(j))
             known = joint%link(from)
             link = joint%link(3 - from)
             o = orientation_of(model, link)
-            ! Walked backwards, revolute, prismatic, cylindrical and screw joints have their variables reversed; of
-            ! others some attitude is taken.
-            q = merge(variable, -variable, from == 1)
-            zero = 0
             frame = turn_frame(state%rotation(orientation_of(model, known)), joint%told_frame(:, :, from))
-            call relative_by_variables(joint%told_kind, frame, q, zero, zero, motion, joint%pitch)
+            if (from == 1) then
+                zero = 0
+                call relative_by_variables(joint%told_kind, frame, variable, zero, zero, motion, joint%pitch)
+                frame = motion%frame
+                slide = motion%slide
+            else
+                call first_by_variables(joint%told_kind, frame, variable, motion%frame, slide, joint%pitch)
+                frame = motion%frame
+                slide = -slide
+            end if
             r = state%rotation(o)
-            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(motion%frame, joint%told_frame(:, :, 3 - from))
+            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(frame, joint%told_frame(:, :, 3 - from))
             state%rotation(o) = r
             origin = state%position(known) + (state%rotation(orientation_of(model, known)).rotate.joint%point(:, from)) &
-                     + motion%slide - (r.rotate.joint%point(:, 3 - from))
+                     + slide - (r.rotate.joint%point(:, 3 - from))
             state%position(link) = origin
             associate (place => state%group%place)
                 place(:, 1, link) = origin%x

@@ -18,7 +18,7 @@ module linkdyn_joint_motion
     implicit none (type, external)
     private
     public :: relative_motion, turn_frame, turn_frame_back
-    public :: relative_by_variables, variables_of_relative, relative_axis, marker_axis
+    public :: relative_by_variables, first_by_variables, variables_of_relative, relative_axis, marker_axis
 
     !> Motion of the second marker's frame seen from the first link, in world axes.
     type :: relative_motion
@@ -98,6 +98,30 @@ contains
             motion%alpha = first.rotate.angular_acceleration_rpy(turn, qd, qdd)
         end select
     end subroutine relative_by_variables
+
+    !> The other way round: the first marker's frame and the way from its point to the second's, from where the second is.
+    pure subroutine first_by_variables(kind, second, q, first, slide, pitch)
+        integer, intent(in) :: kind                               !! one of `joint_*`
+        type(mat3), intent(in) :: second                          !! second marker's frame, world axes
+        real(wp), intent(in) :: q(lanes, 3)                       !! joint variables [m, rad]
+        type(mat3), intent(out) :: first
+        type(vec3), intent(out) :: slide                          !! world axes [m]
+        real(wp), intent(in), optional :: pitch                   !! of a screw [m/rad]
+        real(wp), dimension(lanes) :: none, one
+        type(relative_motion) :: motion
+
+        none = 0
+        one = 1
+        call relative_by_variables(kind, mat3(vec3(one, none, none), vec3(none, one, none), vec3(none, none, one)), q, 0*q, 0*q, &
+                                   motion, pitch)
+        ! backwards by the transposed rotation
+        associate (f => motion%frame)
+            first%x = second.rotate.vec3(f%x%x, f%y%x, f%z%x)
+            first%y = second.rotate.vec3(f%x%y, f%y%y, f%z%y)
+            first%z = second.rotate.vec3(f%x%z, f%y%z, f%z%z)
+        end associate
+        slide = first.rotate.motion%slide
+    end subroutine first_by_variables
 
     pure subroutine slide_along(axis, s, sd, sdd, motion)
         type(vec3), intent(in) :: axis

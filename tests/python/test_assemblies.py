@@ -600,3 +600,96 @@ def test_closed_paths_come_back() -> None:
         assert np.max(np.abs(poses.rotation[0] - poses.rotation[-1])) < 1e-9
         turn = np.max(np.abs(np.diff(poses.rotation, axis=0)), axis=(1, 2, 3))
         assert np.max(turn) < 4 * np.median(turn) + 0.02
+
+
+def rotation_of(angles: list[float]) -> NDArray[np.float64]:
+    """Of roll, pitch and yaw about axes that go along."""
+    about = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
+    r = np.eye(3)
+    for axis, angle in zip("xyz", angles, strict=True):
+        i, j = about[axis]
+        turn = np.eye(3)
+        turn[i, i] = turn[j, j] = math.cos(angle)
+        turn[j, i] = math.sin(angle)
+        turn[i, j] = -turn[j, i]
+        r = r @ turn
+    return r
+
+
+def turned_a_little(rng: np.random.Generator, angle: float) -> NDArray[np.float64]:
+    axis = rng.normal(size=3)
+    a, b, c = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize("dropped", [0.0, 0.5])
+@pytest.mark.parametrize("degrees", [0, 12, 25])
+@pytest.mark.parametrize("name", ["upu_by_slides.toml", "strut_by_slide.toml"])
+def test_none_is_nearer_than_the_one_taken(name: str, degrees: int, dropped: float) -> None:
+    """Starts that are turned some way off, or left out: the assembly that was drawn has a distance, and what is taken none that is
+    larger. There are dozens of others."""
+    drawn = read(name)
+    rng = np.random.default_rng(5)
+    for _ in range(6):
+        data = copy.deepcopy(drawn)
+        there = {link["name"]: (np.array(link["start"]["position"]), rotation_of(link["start"]["angles"])) for link in data["link"]}
+        given: dict[str, NDArray[np.float64]] = {}
+        for link in data["link"]:
+            del link["start"]["angles"]
+            given[link["name"]] = turned_a_little(rng, math.radians(degrees)) @ there[link["name"]][1]
+            link["start"]["rotation"] = given[link["name"]].tolist()
+            if rng.uniform() < dropped:
+                del link["start"], given[link["name"]]
+        if not given:
+            continue
+        scene = linkdyn.Scene(data)
+        found = scene.poses(np.zeros((1, len(data["coordinate"]))))
+        assert found.status[0] == OK
+        taken = 0.0
+        for link, attitude in given.items():
+            k = list(scene.links).index(link)
+            # sizes of the mechanisms are less than a metre
+            taken += float(np.sum((found.position[0, k] - there[link][0]) ** 2)) + angle_between(found.rotation[0, k], attitude) ** 2
+        # six digits of the drawing
+        assert taken <= len(given) * math.radians(degrees) ** 2 + 1e-4
+
+
+@pytest.mark.parametrize("said", [1.0, 0.6])
+@pytest.mark.parametrize("degrees", [0, 10])
+@pytest.mark.parametrize("name", ["upu_by_slides.toml", "strut_by_slide.toml"])
+def test_starts_of_joints_decide_in_whatever_order_their_links_are(name: str, degrees: int, said: float) -> None:
+    """The same by variables of joints, universal ones that are written from either side among them; balls say nothing."""
+    drawn = read(name)
+    q = np.zeros((1, len(drawn["coordinate"])))
+
+    def variables(data: dict[str, Any]) -> dict[str, float]:
+        run = linkdyn.Scene(data).inverse(q=q, want="joint_variable")
+        assert run.status.values[0] == OK
+        return dict(zip(map(str, run.variable.values), run.joint_variable.values[0], strict=True))
+
+    there = variables(drawn)
+    rng = np.random.default_rng(7)
+    for _ in range(6):
+        data = copy.deepcopy(drawn)
+        for link in data["link"]:
+            del link["start"]
+        given: dict[str, float] = {}
+        for joint in data["joint"]:
+            if joint["type"] == "spherical" or rng.uniform() > said:
+                continue
+            start = {}
+            for variable in (v for v in there if v.split(".")[0] == joint["name"]):
+                kind = variable.split(".")[1]
+                given[variable] = there[variable] + (math.radians(degrees) * rng.choice([-1, 1]) if "angle" in kind else 0)
+                start[kind] = float(given[variable])
+            joint["start"] = start if len(start) > 1 else next(iter(start.values()))
+        found = variables(data)
+        # slides count as parts of a size, which is less than a metre
+        off = [found[v] - given[v] for v in given]
+        taken = sum((math.remainder(x, 2 * math.pi) if "angle" in v else x) ** 2 for v, x in zip(given, off, strict=True))
+        assert taken <= sum("angle" in v for v in given) * math.radians(degrees) ** 2 + 1e-4
+
+
+def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return math.acos(max(-1.0, min(1.0, (np.trace(a.T @ b) - 1) / 2)))
