@@ -464,6 +464,7 @@ contains
         type(status_type) :: status
         type(forward_options) :: options
         real(wp) :: q_start(1, n_member), qd_start(1, n_member), q(1, 2, n_member, 2), qd(1, 2, n_member, 2), good_until(n_member)
+        real(wp) :: apart(n_member)
         integer :: n_crossed(n_member, 2), outcome(n_member), i, road
 
         call four_bar_chain(1, scene)
@@ -482,7 +483,11 @@ contains
             call check(error, status%is_ok() .and. all(good_until == 0.8_wp) .and. all(outcome == 0), "all arrive")
         end do
         call check(error, any(n_crossed(:, 1) > 0) .and. all(n_crossed(:, 1) == n_crossed(:, 2)), "change points passed")
-        ! A change point multiplies rounding by some thousand.
-        call check_close(error, [q(:, :, :, 1)], [q(:, :, :, 2)], 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(q)), "coordinates")
+        ! A stage within m of a change point multiplies rounding by 1/m and more, and one in 1/m comes so near: most members are
+        ! apart by some thousand roundings, and now and then one, by the machine's rounding another, by far more.
+        apart = [(maxval(abs(q(:, :, i, 1) - q(:, :, i, 2))), i=1, n_member)]/maxval(abs(q))
+        call check(error, count(apart <= 1.0e4_wp*epsilon(1.0_wp)) >= nint(0.8_wp*n_member), "coordinates of most members")
+        call check(error, all(apart <= sqrt(epsilon(1.0_wp))), "coordinates")
+        call check(error, all(apart <= 100*epsilon(1.0_wp) .or. n_crossed(:, 1) > 0), "coordinates without change points")
     end subroutine test_ensemble
 end module test_recorded_rates
