@@ -76,7 +76,9 @@ contains
         end if
         if (.not. is_known) then
             found = found_assemblies()
-            if (has_start(model, model%group(step%first)%link, model%group(step%first)%joint)) &
+            ! threads that are a turn on leave links nearly where they are: nearness does not tell what is meant
+            if (model%group(step%first)%n_thread == 0 .and. has_start(model, model%group(step%first)%link, &
+                                                                      model%group(step%first)%joint)) &
                 call look_near(model, step%first, state, found)
             closing = n_hopeful
             do round = 1, 2*n_hopeful
@@ -252,6 +254,10 @@ contains
                 if (is_new(model, group, place(:, :, lane), found)) &
                     call add(place(:, :, lane), [distance%given(lane), distance%others(lane)])
                 if (.not. is_nearer(distance, lane, found%given, found%others)) cycle
+                ! the first attempt that comes there has the spins that are nearest to what is said of them
+                if (found%given < huge(1.0_wp)) then
+                    if (is_same(model, group, place(:, :, lane), found%nearest)) cycle
+                end if
                 found%given = distance%given(lane)
                 found%others = distance%others(lane)
                 found%nearest = place(:, :, lane)
@@ -523,7 +529,7 @@ contains
                     do lane = 1, lanes
                         attempt = first + lane - 1
                         far = how_far(attempt)
-                        if (attempt < 0 .and. .not. joint%has_start) far = 1
+                        if (attempt <= 0 .and. attempt /= 1 - n_near .and. .not. joint%has_start) far = 1
                         q(lane, v) = joint%start(v) + reach*far &
                                      *(2*counter_uniform(int(group%joint(i), int64), int(v, int64), int(attempt, int64)) - 1)
                     end do
@@ -565,7 +571,7 @@ contains
         real(wp), parameter :: nearly = 0.3_wp             !! the farthest of the near ones
 
         far = 0
-        if (attempt < 0) far = nearly*real(modulo(-attempt, n_near), wp)/n_near
+        if (attempt <= 0) far = nearly*real(modulo(attempt - 1, n_near), wp)/n_near
         if (attempt > 2) far = min(1.0_wp, 2*real(attempt, wp)/n_attempt)
     end function how_far
 
