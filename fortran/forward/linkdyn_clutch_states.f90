@@ -21,6 +21,8 @@ module linkdyn_clutch_states
     type :: clutch_states
         logical, allocatable :: is_closed(:, :)        !! (lane, n_clutch)
         logical, allocatable :: holds(:, :)            !! it is closed and has no slip (lane, n_clutch)
+        logical, allocatable :: is_spared(:, :)        !! it is closed and has no slip, and others hold it: it does nothing
+                                                       !! (lane, n_clutch)
         real(wp), allocatable :: sense(:, :)           !! of the slip, +1 or -1; 0: it has none; of those that go together a unit
                                                        !! vector, which way they slipped at the accepted state (lane, n_clutch)
         real(wp), allocatable :: capacity(:, :)        !! at the state evaluated last, when it slips [N, N m] (lane, n_clutch)
@@ -46,8 +48,8 @@ contains
         integer, intent(in) :: n
         type(clutch_states), intent(out) :: states
 
-        allocate (states%is_closed(lanes, n), states%holds(lanes, n), states%was_closed(lanes, n), states%was_held(lanes, n), &
-                  source=.false.)
+        allocate (states%is_closed(lanes, n), states%holds(lanes, n), states%is_spared(lanes, n), states%was_closed(lanes, n), &
+                  states%was_held(lanes, n), source=.false.)
         allocate (states%sense(lanes, n), states%capacity(lanes, n), states%rub(lanes, n), states%force(lanes, n), &
                   states%applied(lanes, n), states%fastest(lanes, n), states%kept(lanes, n), &
                   states%ease(lanes, n), source=0.0_wp)
@@ -111,14 +113,15 @@ contains
 
         guard_side = 1
         guard_scale = 0
-        if (.not. states%is_closed(lane, i) .or. states%holds(lane, i)) return
+        if (.not. states%is_closed(lane, i) .or. states%holds(lane, i) .or. states%is_spared(lane, i)) return
         if (.not. is_part) guard_side = states%sense(lane, i)
         guard_scale = states%fastest(lane, i)
     end subroutine set_guard
 
     !> Which of the clutches without slip hold. Of what several could hold together the first take all: what is left for the
-    !> others is none of it, until the first ones slip.
-    subroutine share_load(lead, lever, response, apart, most, capacity, may_slip, holds, sense)
+    !> others is none of it, until the first ones slip. What slips by its load alone, and cannot move since others hold all of it
+    !> without its help, is spared: it neither holds nor slips.
+    subroutine share_load(lead, lever, response, apart, most, capacity, may_slip, may_spare, holds, sense)
         integer, intent(in) :: lead(:)                 !! the same of all that go together
         real(wp), intent(in) :: lever(:)               !! speed of their surface over each slip; of others 1
         real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
@@ -126,10 +129,12 @@ contains
         real(wp), intent(in) :: most(:)                !! c0: what each holds; huge: whatever comes [N, N m]
         real(wp), intent(in) :: capacity(:)            !! c: what it takes when it slips [N, N m]
         logical, intent(in) :: may_slip(:)             !! false: it holds both ways, as a stop does at which something rests
+        logical, intent(in) :: may_spare(:)            !! it may do nothing where others hold it
         logical, intent(inout) :: holds(:)             !! those that have to slip do not; then those that hold
         real(wp), intent(inout) :: sense(:)            !! of those that have to slip; then of all that slip
         integer, parameter :: most_ways = 40           !! so often at most may surfaces turn that begin to slide
         real(wp), parameter :: rounded = 1.0e-12_wp
+        real(wp), parameter :: still = 1.0e-8_wp       !! of the largest that is apart
         real(wp), dimension(size(apart)) :: force, left, load
         logical, dimension(size(apart)) :: is_bound    ! it slips for good
         logical, dimension(size(apart)) :: is_part     ! it goes with others
@@ -155,7 +160,7 @@ contains
             ! Nothing moves what is driven on both sides.
             k = maxloc(abs(left), dim=1, mask=holds .and. may_slip)
             if (k > 0) then
-                if (abs(left(k)) > 1.0e-8_wp*maxval(abs(apart))) then
+                if (abs(left(k)) > still*maxval(abs(apart))) then
                     call let_go(k, lever*left)
                     where (lead == lead(k)) is_bound = .true.
                     cycle
@@ -170,9 +175,33 @@ contains
             holds(k) = .true.
             is_bound(k) = .true.
         end do
+        do i = 1, size(apart)
+            if (may_slip(i) .and. may_spare(i) .and. .not. (holds(i) .or. is_part(i))) call spare(i)
+        end do
         where (holds) sense = 0
 
     contains
+
+        !> It slips no way where the others hold without it.
+        subroutine spare(k)
+            integer, intent(in) :: k
+            real(wp), parameter :: rigid = 1.0e-8_wp   !! of its response alone: that is none
+            real(wp) :: told
+
+            ! its slip turns back while others move on
+            if (abs(left(k)) > still*maxval(abs(apart))) return
+            held = pack([(i, i=1, size(apart))], holds)
+            if (size(held) == 0) return
+            if (response(k, k) - dot_product(response(k, held), solve_together(lead(held), lever(held), response(held, held), &
+                                                                              response(held, k))) > rigid*response(k, k)) return
+            told = sense(k)
+            sense(k) = 0
+            force = merge(0.0_wp, -sense*capacity, holds)
+            left = apart + matmul(response, force)
+            force(held) = solve_together(lead(held), lever(held), response(held, held), -left(held))
+            load = [(norm2(pack(force/max(most, tiny(1.0_wp)), lead == lead(i))), i=1, size(apart))]
+            if (any(load > 1 + rounded .and. holds .and. may_slip)) sense(k) = told
+        end subroutine spare
 
         !> It slips, and what goes with it, this way.
         subroutine let_go(k, way)

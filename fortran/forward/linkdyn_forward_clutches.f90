@@ -131,7 +131,7 @@ contains
         real(wp), parameter :: same_instant = 4096     !! last places of the clock: steps behind an event are some tens long
         real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
         real(wp) :: y_before(lanes, self%n), loss(lanes)
-        logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free, alone
+        logical, dimension(lanes, size(is_closed, 2)) :: held, stood, was_closed, must_slip, positive, locks, is_free, alone
         logical, dimension(lanes, n_stop(self%model%scene)) :: opens, rested
         logical :: is_concerned(lanes), is_part(size(is_closed, 2))
         integer :: lane, i
@@ -140,6 +140,7 @@ contains
         alone = .not. spread(is_part, 1, lanes)
         y_before = y
         held = self%way%clutch%holds
+        stood = held .or. self%way%clutch%is_spared
         was_closed = self%way%clutch%is_closed
         must_slip = has_crossed .and. held .and. is_closed
         where (must_slip) self%way%clutch%loosened = spread(t, 2, size(held, 2))
@@ -153,6 +154,7 @@ contains
         self%way%clutch%is_closed = is_closed
         self%way%clutch%holds = held .and. is_closed
         where (.not. is_closed) self%way%clutch%sense = 0
+        self%way%clutch%is_spared = self%way%clutch%is_spared .and. is_closed
         locks = is_closed .and. .not. was_closed .and. positive
         impulse = 0
         loss = 0
@@ -162,7 +164,7 @@ contains
                                   impulse, loss, opens)
         ! A surface that has turned right round while it slid has slipped at a right angle in between, and had not come to rest.
         call find_free(self, t, y, is_concerned, has_crossed, (has_crossed .and. (alone .or. held)) .or. positive, &
-                       held, locks, is_free)
+                       stood, locks, is_free)
         call decide(self, t, y, is_concerned, is_free, must_slip, positive)
         do lane = 1, lanes
             if (.not. is_concerned(lane)) cycle
@@ -200,9 +202,9 @@ contains
                     if (.not. tells(self%model%scene, i)) cycle
                     if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
                         call note(kind_open)
-                    else if (self%way%clutch%holds(lane, i) .and. .not. held(lane, i)) then
+                    else if (stands(lane, i) .and. .not. stood(lane, i)) then
                         call note(merge(kind_close, kind_stick, locks(lane, i)))
-                    else if (held(lane, i) .and. .not. self%way%clutch%holds(lane, i)) then
+                    else if (stood(lane, i) .and. .not. stands(lane, i)) then
                         call note(kind_slip)
                     else if (is_closed(lane, i) .and. .not. was_closed(lane, i)) then
                         call note(kind_close)
@@ -210,6 +212,12 @@ contains
                 end do
             end do
         end subroutine tell
+
+        pure logical function stands(lane, i)
+            integer, intent(in) :: lane, i
+
+            stands = self%way%clutch%holds(lane, i) .or. self%way%clutch%is_spared(lane, i)
+        end function stands
 
         subroutine note(kind)
             integer, intent(in) :: kind
@@ -285,6 +293,8 @@ contains
         associate (of => self%way%clutch)
             do i = 1, size(slip, 2)
                 where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), slip(:, i))
+                ! what closes where others hold has seen no slip of its own: rounding is left of theirs
+                where (.not. of%fastest(:, i) > 0 .and. any(held, dim=2)) of%fastest(:, i) = maxval(of%fastest, dim=2)
             end do
             do i = 1, size(slip, 2)
                 least = max(still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2))), &
@@ -293,6 +303,7 @@ contains
                                                           .or. (held(:, i) .and. .not. any(locks, dim=2)))
                 where (is_concerned .and. of%is_closed(:, i) .and. .not. is_free(:, i))
                     of%holds(:, i) = .false.
+                    of%is_spared(:, i) = .false.
                     of%sense(:, i) = sense(:, i)
                 end where
             end do
@@ -426,6 +437,7 @@ contains
             if (.not. is_concerned(lane)) cycle
             where (is_free(lane, :)) self%way%clutch%holds(lane, :) = .false.
             where (is_free(lane, :)) self%way%clutch%sense(lane, :) = 0
+            where (is_free(lane, :)) self%way%clutch%is_spared(lane, :) = .false.
         end do
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
@@ -458,10 +470,11 @@ contains
         real(wp) :: rate(lanes, self%n), first_sense(size(holds, 2)), lever(size(holds, 2))
         integer :: lead(size(holds, 2))
         logical, dimension(lanes, size(is_free, 2)) :: may_hold, seems_held
-        logical :: failed(lanes), told_holds(lanes, size(holds, 2)), first_holds(size(holds, 2))
+        logical :: failed(lanes), told_holds(lanes, size(holds, 2)), first_holds(size(holds, 2)), is_part(size(is_free, 2))
         integer :: lane, n
 
         n = n_stop(self%model%scene)
+        is_part = goes_with_others(self%model%scene)
         call list_held(self%model, lead, lever)
         response = told_response
         call find_able(self, is_free, response, may_hold)
@@ -523,6 +536,7 @@ contains
         subroutine share(lane)
             integer, intent(in) :: lane
             real(wp), dimension(size(holds, 2)) :: most, capacity
+            logical :: may_spare(size(holds, 2))
             logical, allocatable :: part_holds(:)
             real(wp), allocatable :: part_sense(:)
             integer, allocatable :: of(:)
@@ -540,8 +554,11 @@ contains
             if (size(of) == 0) return
             part_holds = holds(lane, of)
             part_sense = sense(lane, of)
+            ! what joints rub hangs on what is shared here
+            may_spare(:n) = .false.
+            may_spare(n + 1:) = may_hold(lane, :) .and. self%model%scene%clutch%friction == 0
             call share_load(lead(of), lever(of), response(lane, of, of), away(lane, of), most(of), capacity(of), of > n, &
-                            part_holds, part_sense)
+                            may_spare(of), part_holds, part_sense)
             holds(lane, of) = part_holds
             sense(lane, of) = part_sense
             call take(lane)
@@ -552,6 +569,8 @@ contains
 
             where (is_free(lane, :)) self%way%clutch%holds(lane, :) = holds(lane, n + 1:)
             where (is_free(lane, :)) self%way%clutch%sense(lane, :) = sense(lane, n + 1:)
+            where (is_free(lane, :)) self%way%clutch%is_spared(lane, :) = .not. (holds(lane, n + 1:) .or. is_part) &
+                                                                         .and. .not. abs(sense(lane, n + 1:)) > 0
         end subroutine take
     end subroutine share_loads
 

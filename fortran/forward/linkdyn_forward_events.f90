@@ -56,7 +56,7 @@ contains
         end if
     end procedure survey_events
 
-    !> Guards by motion that has been computed on lanes. That of a clutch that is open never vanishes.
+    !> Guards by motion that has been computed on lanes. That of a clutch that is open, or spared, never vanishes.
     subroutine find_guards(self, t, state, guard)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)               !! [s]
@@ -73,7 +73,8 @@ contains
         call let_stops_yield(self, guard)
         if (n_clutch(self%model%scene) > 0) call see_surfaces(self, state, guard)
         do i = 1, n_clutch(self%model%scene)
-            where (.not. self%way%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+            where (.not. self%way%clutch%is_closed(:, i) .or. self%way%clutch%is_spared(:, i)) &
+                guard(:, self%model%scene%clutch(i)%event) = 1
             call keep_what_is_held(self, i, guard)
         end do
     end subroutine find_guards

@@ -335,7 +335,7 @@ contains
         if (associated(results%clutch_slip) .and. .not. is_good) results%clutch_slip(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
         if (.not. associated(results%clutch_state)) return
         results%clutch_state(:, i) = merge(merge(state_holds, merge(state_slips, state_open, clutch%is_closed(1, :)), &
-                                                 clutch%holds(1, :)), state_open, is_good)
+                                                 clutch%holds(1, :) .or. clutch%is_spared(1, :)), state_open, is_good)
     end subroutine tell_clutches
 
     !> What controllers have seen and put out.

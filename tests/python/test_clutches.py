@@ -874,3 +874,55 @@ def test_a_drive_works_while_a_clutch_closes(method: str) -> None:
     np.testing.assert_allclose(run.work[[0, -1]], [0.0, impulse * speed], rtol=1e-12)
     gained = float(run.kinetic_energy[-1] - run.kinetic_energy[0])
     assert gained == pytest.approx(float(run.work[-1] - run.event_loss[0]), rel=1e-12)
+
+
+TWO_BRAKES: dict[str, Any] = {
+    "space": "planar",
+    "gravity": [1.9788, -9.81],
+    "frame": {"markers": {"A": [0.0, 0.0], "D": [0.3984, 0.0075]}},
+    "link": [
+        {"name": "a", "markers": {"P": [0, 0], "Q": [0.2666, 0]}, "mass": 1.3564, "cog": [0.1608, -0.0015], "inertia": 0.0139, "start": {"angle": "100 deg"}},
+        {"name": "b", "markers": {"P": [0, 0], "Q": [0.3958, 0]}, "mass": 0.5435, "cog": [0.1575, 0.0053], "inertia": 0.0069, "start": {"angle": "0 deg"}},
+        {"name": "e", "markers": {"P": [0, 0], "Q": [0.2566, 0]}, "mass": 0.6665, "cog": [0.1403, -0.01], "inertia": 0.0032, "start": {"angle": "80 deg"}},
+    ],
+    "joint": [
+        {"name": "A", "type": "revolute", "between": ["frame.A", "a.P"]},
+        {"name": "B", "type": "revolute", "between": ["a.Q", "b.P"]},
+        {"name": "C", "type": "revolute", "between": ["b.Q", "e.Q"]},
+        {"name": "D", "type": "revolute", "between": ["frame.D", "e.P"]},
+    ],
+    "coordinate": [{"joint": "A", "start": {"position": "70.48 deg", "velocity": 0.7097}}],
+    "clutch": [
+        {"name": "kA", "joint": "A", "capacity": 1.7793, "static": 1.0253, "from": 0.3},
+        {"name": "kC", "joint": "C", "capacity": 2.0125, "static": 1.2319},
+    ],
+    "time": {"end": 0.6, "samples": 61},
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_brake_closes_where_another_one_holds_all(method: str) -> None:
+    """It could not hold alone, and need not: both are told to hold, the first as before, and nothing happens any more."""
+    run = linkdyn.Scene(TWO_BRAKES).forward(method=method)
+    alone = linkdyn.Scene(TWO_BRAKES | {"clutch": TWO_BRAKES["clutch"][1:]}).forward(method=method)
+    assert not run.stopped and np.all(run.status == 0)
+    np.testing.assert_allclose(run.q, alone.q, rtol=0, atol=1e-9)
+    held = run.time.values > 0.305
+    assert np.all(run.clutch_state.values[held] == 2)
+    np.testing.assert_allclose(run.clutch_force.values[held], alone.clutch_force.values[held] * [0, 1], rtol=0, atol=1e-9)
+    assert 1.0253 * 1.7793 < 2 < run.clutch_force.values[-1, 1] < 1.2319 * 2.0125
+    assert [str(name) for name in run.event.values] == ["kC", "kA"]
+
+
+def test_brakes_that_hold_together_let_go_together() -> None:
+    """Two on one mechanism, neither of which would hold the growing load: while the stronger one does the other is spared, then both help."""
+    pushed = TWO_BRAKES | {
+        "actuator": [{"joint": "A", "law": {"type": "formula", "value": "-20 N m/s*time*step(time-0.3 s)"}}],
+        "time": {"end": 1.2, "samples": 121},
+    }
+    run = linkdyn.Scene(pushed).forward()
+    assert not run.stopped and np.all(run.status == 0)
+    slips = [float(t) for t, kind in zip(run.event_time.values, run.event_kind.values, strict=True) if str(kind) == "9"]
+    weaker = linkdyn.Scene(pushed | {"clutch": pushed["clutch"][1:]}).forward()
+    alone = [float(t) for t, kind in zip(weaker.event_time.values, weaker.event_kind.values, strict=True) if str(kind) == "9"]
+    assert slips and alone and min(slips) > min(alone)
