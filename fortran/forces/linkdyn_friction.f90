@@ -354,9 +354,11 @@ contains
         integer :: i
 
         i = findloc(mechanism%model%contact%joint, joint, dim=1)
-        if (is_bare(mechanism%model%contact(i))) then
-            acting = holding_surface(mechanism, i, force)
-            return
+        if (i > 0) then                                ! a stop may hold what does not rub
+            if (is_bare(mechanism%model%contact(i))) then
+                acting = holding_surface(mechanism, i, force)
+                return
+            end if
         end if
         acting = at_joint_variable(mechanism, joint, variable, force)
         do i = 1, size(mechanism%model%contact)
