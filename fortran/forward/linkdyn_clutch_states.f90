@@ -145,13 +145,7 @@ contains
         is_bound = .not. holds
         is_part = [(count(lead == lead(i)) > 1, i=1, size(apart))]
         do turn = 1, 4*size(apart) + merge(most_ways, 0, any(is_part))
-            force = merge(0.0_wp, -sense*capacity, holds)
-            left = apart + matmul(response, force)
-            held = pack([(i, i=1, size(apart))], holds)
-            force(held) = solve_together(lead(held), lever(held), response(held, held), -left(held))
-            left = apart + matmul(response, force)
-            load = [(norm2(pack(force/max(most, tiny(1.0_wp)), lead == lead(i))), i=1, size(apart))]
-            where (.not. (holds .and. may_slip)) load = 0
+            call find_loads()
             k = maxloc(load, dim=1)
             if (load(k) > 1 + rounded) then
                 call let_go(k, -force/lever)
@@ -182,6 +176,19 @@ contains
 
     contains
 
+        !> What those that hold take, over what each holds, and what then moves.
+        subroutine find_loads()
+            integer :: k
+
+            force = merge(0.0_wp, -sense*capacity, holds)
+            left = apart + matmul(response, force)
+            held = pack([(k, k=1, size(apart))], holds)
+            force(held) = solve_together(lead(held), lever(held), response(held, held), -left(held))
+            left = apart + matmul(response, force)
+            load = [(norm2(pack(force/max(most, tiny(1.0_wp)), lead == lead(k))), k=1, size(apart))]
+            where (.not. (holds .and. may_slip)) load = 0
+        end subroutine find_loads
+
         !> It slips no way where the others hold without it.
         subroutine spare(k)
             integer, intent(in) :: k
@@ -190,17 +197,15 @@ contains
 
             ! its slip turns back while others move on
             if (abs(left(k)) > still*maxval(abs(apart))) return
-            held = pack([(i, i=1, size(apart))], holds)
             if (size(held) == 0) return
             if (response(k, k) - dot_product(response(k, held), solve_together(lead(held), lever(held), response(held, held), &
                                                                               response(held, k))) > rigid*response(k, k)) return
             told = sense(k)
             sense(k) = 0
-            force = merge(0.0_wp, -sense*capacity, holds)
-            left = apart + matmul(response, force)
-            force(held) = solve_together(lead(held), lever(held), response(held, held), -left(held))
-            load = [(norm2(pack(force/max(most, tiny(1.0_wp)), lead == lead(i))), i=1, size(apart))]
-            if (any(load > 1 + rounded .and. holds .and. may_slip)) sense(k) = told
+            call find_loads()
+            if (.not. any(load > 1 + rounded)) return
+            sense(k) = told
+            call find_loads()
         end subroutine spare
 
         !> It slips, and what goes with it, this way.
