@@ -736,15 +736,13 @@ contains
             if (from == 1) then
                 zero = 0
                 call relative_by_variables(joint%told_kind, frame, variable, zero, zero, motion, joint%pitch)
-                frame = motion%frame
                 slide = motion%slide
             else
                 call first_by_variables(joint%told_kind, frame, variable, motion%frame, slide, joint%pitch)
-                frame = motion%frame
                 slide = -slide
             end if
             r = state%rotation(o)
-            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(frame, joint%told_frame(:, :, 3 - from))
+            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(motion%frame, joint%told_frame(:, :, 3 - from))
             state%rotation(o) = r
             origin = state%position(known) + (state%rotation(orientation_of(model, known)).rotate.joint%point(:, from)) &
                      + slide - (r.rotate.joint%point(:, 3 - from))
